@@ -20,7 +20,7 @@
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/config/config.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/report/export.h"
@@ -141,7 +141,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
          "come from the structure's shape alone, whatever its boxes")
       ->capture_default_str();
   app->add_option("--structure", request->structure,
-                  "the structure (.glb or .yaml); without it the capture's, else the model's");
+                  "the structure (.yaml); without it the capture's, else the model's");
   app->add_option("--initial", request->initial,
                   "what initial poses come from: network, geometry, auto (the default: geometry, "
                   "and the network where there is a model), or paper (the paper's estimator)")

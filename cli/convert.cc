@@ -25,10 +25,8 @@ struct ConvertOptions {
 
 /// All words but that of our own extrinsics.json.
 std::string OtherFormats() {
-  std::vector<std::string> words;
-  for (const auto& [word, format] : kPoseFormatWords) {
-    if (format != PoseFormat::kVolalign) words.emplace_back(word);
-  }
+  std::vector<std::string> words = WordsOfAll<PoseFormat>();
+  words.erase(std::find(words.begin(), words.end(), ToString(PoseFormat::kVolalign)));
   return fmt::format("{}", fmt::join(words, ", "));
 }
 

@@ -22,7 +22,7 @@
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/base/provenance.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "core/nn/checkpoint.h"
 #include "render/egl/renderers.h"
 #ifdef VOLALIGN_HAS_INFER

@@ -11,7 +11,7 @@
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/capture/capture_draft.h"
 
 namespace volalign {
@@ -81,7 +81,7 @@ Command AddInitCommand(CLI::App& program) {
                   "of configs/intrinsics.yaml for the kind that --sensor names, with which poses "
                   "are weak");
   app->add_option("--structure", options->structure,
-                  "the structure that the sensors see (.glb or .yaml), for `calibrate`");
+                  "the structure that the sensors see (.yaml), for `calibrate`");
   app->add_option("--sensor", options->sensor,
                   "kind of the devices, a name of configs/intrinsics.yaml, e.g. "
                   "azure_kinect_nfov_binned: what lens their frames have");

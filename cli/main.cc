@@ -1,3 +1,5 @@
+#include "cli/main.h"
+
 #include <fmt/format.h>
 
 #include <cerrno>
@@ -123,11 +125,11 @@ int Run(int argc, char** argv) {
 
 }  // namespace
 
-}  // namespace volalign
-
-int main(int argc, char** argv) {
-  volalign::KeepSoftwareRenderingOnOneThread();
-  volalign::EndOnInterrupt();
+int Main(int argc, char** argv) {
+  KeepSoftwareRenderingOnOneThread();
+  EndOnInterrupt();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails, and says so
-  return volalign::Written(volalign::Run(argc, argv));
+  return Written(Run(argc, argv));
 }
+
+}  // namespace volalign

@@ -86,7 +86,7 @@ void Suggest(const std::string& boxes, const std::string& file, const SuggestOpt
   output.Print(FormatTarget(suggested.structure, suggested.quality),
                TargetTable(suggested.quality));
   output.Say(fmt::format("it stands until the floor is tilted by {:.0f} deg", suggested.tilt_deg));
-  WriteFileAtomically(file, SuggestedYaml(suggested));
+  WriteFileAtomically(file, StructureYaml(suggested.structure));
   SaveCommand(file);
   output.Say("written: " + file);
   WriteSheet(suggested.structure, sheet.string(), output);
@@ -113,15 +113,15 @@ Command AddStructureCommand(CLI::App& program) {
       ->add_option("boxes", options->boxes,
                    "YAML of boxes, millimetres (see configs/structure.yaml)")
       ->required();
-  build->add_option("-o,--output", options->glb, "structure file to write (.glb)")->required();
+  build->add_option("-o,--output", options->glb, "picture of it to write, glTF (.glb)")->required();
   options->table.AddOptions(build);
   CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
-  show->add_option("structure", options->show, ".glb or .yaml")->required();
+  show->add_option("structure", options->show, ".yaml")->required();
   options->table.AddOptions(show);
 #ifdef VOLALIGN_HAS_INFER
   CLI::App* check = app->add_subcommand(
       "check", "Say whether a set of boxes is a good target: symmetries, and what views tell");
-  check->add_option("structure", options->check, ".glb or .yaml")->required();
+  check->add_option("structure", options->check, ".yaml")->required();
   check
       ->add_option("--distance", options->views.distance_m,
                    "horizontal distance of the sensors from the stack's middle, m")
@@ -135,7 +135,7 @@ Command AddStructureCommand(CLI::App& program) {
   options->table.AddOptions(check);
   CLI::App* sheet = app->add_subcommand(
       "sheet", "Draw how to build it: one A4 page to print, with every length in mm");
-  sheet->add_option("structure", options->build, ".glb or .yaml")->required();
+  sheet->add_option("structure", options->build, ".yaml")->required();
   sheet->add_option("-o,--output", options->sheet, "picture to write, SVG")->required();
   CLI::App* suggest = app->add_subcommand(
       "suggest", "Find a stack of your boxes that is a good target: its YAML and its sheet");
@@ -176,9 +176,10 @@ Command AddStructureCommand(CLI::App& program) {
             }
 #endif
             if (*build) {
-              WriteStructureGlb(options->glb, ReadStructureYaml(options->boxes));
+              const Structure structure = ReadStructure(options->boxes);
+              WriteStructureGlb(options->glb, structure);
               SaveCommand(options->glb);
-              PrintStructure(ReadStructureGlb(options->glb), options->table);
+              PrintStructure(structure, options->table);
               options->table.Say("written: " + options->glb);
             } else {
               PrintStructure(ReadStructure(options->show), options->table);

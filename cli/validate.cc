@@ -15,7 +15,7 @@
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/checkpoint_validation.h"

@@ -1,7 +1,7 @@
 # What `cmake --install` gives a C++ program: find_package(volalign COMPONENTS calibration), target volalign::calibration.
 #
 # A component is a group of rooms (COMPONENT of volalign_library), each of which is a target as in this build, and one target that stands for
-# them, which `render` and `train` have as a room already. `core`, `core_formats` and `core_model` are what the others stand on.
+# them, which `render`, `train` and `cli` have as a room already. `core`, `core_formats` and `core_model` are what the others stand on.
 include(CMakePackageConfigHelpers)
 set(VOLALIGN_PACKAGE_FOLDER "${CMAKE_INSTALL_LIBDIR}/cmake/volalign")
 
@@ -32,6 +32,7 @@ volalign_component(render)
 if(VOLALIGN_WITH_TORCH)
   volalign_component(nn ROOMS volalign_core_nn)
   volalign_component(train)
+  volalign_component(cli)
   if(VOLALIGN_WITH_INFER)
     volalign_component(segmentation ROOMS volalign_infer_segment)
   endif()

@@ -54,7 +54,7 @@ if(VOLALIGN_WITH_INFER)
 endif()
 set(_recommended "")
 if(VOLALIGN_WITH_TORCH)
-  set(_recommended libtorch-dev libgloo-dev libopenblas0-pthread)
+  set(_recommended libtorch-dev libgloo-dev libopenblas0-pthread libcli11-dev)
 endif()
 volalign_package(dev libvolalign-dev libdevel COMPONENTS ${_components} DEPENDS ${_libraries} RECOMMENDS ${_recommended}
   DESCRIPTION "Headers, libraries and CMake files for programs in C++ and C. The components nn, segmentation and train need LibTorch.")

@@ -8,7 +8,7 @@
 
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "core/json/json_archive.h"
 #include "core/plot/picture.h"
 #include "core/plot/picture_text.h"
@@ -64,7 +64,7 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture,
                   const std::string& renderer) {
   Json json{{"format", "volalign.capture/1"},
             {"depth_scale", kDepthScale},
-            {"structure", "structure.glb"},
+            {"structure", "structure.yaml"},
             {"sensors", Json::array()}};
   Json ground_truth;
   std::vector<RgbImage> pictures;
@@ -84,7 +84,7 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture,
                                     sensor.structure_from_sensor));
   }
   if (capture.structure_present) json["ground_truth"] = ground_truth;
-  WriteStructureGlb(dir / "structure.glb", capture.structure);
+  WriteFileAtomically(dir / "structure.yaml", StructureYaml(capture.structure));
   WriteContactSheet(dir / "contact_sheet.png", pictures);
   WriteFileAtomically(dir / "capture.json", json.dump(2) + "\n");
 }

@@ -14,7 +14,7 @@ namespace volalign {
 inline constexpr double kDepthScale = 0.001;
 
 /// Writes a capture folder (docs/formats.md): capture.json with ground truth (left out without a
-/// structure), structure.glb and, per sensor, NAME_depth.png (16 bits, mm), NAME_intrinsics.json,
+/// structure), structure.yaml and, per sensor, NAME_depth.png (16 bits, mm), NAME_intrinsics.json,
 /// as they are for frames of one's own, and NAME_labels.png (8 bits, what the noise left);
 /// contact_sheet.png shows clean depth, depth and labels of every sensor, turned upright.
 /// `renderer` says in words what drew it (Renderers::description).

@@ -94,7 +94,7 @@ struct SampleConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure", structure, "structure file, .yaml or .glb");
+    ar("structure", structure, "structure file, .yaml");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("sensors", sensors,
        "sensors of the pool, one drawn for each sample among those whose aspect ratio the batch's "

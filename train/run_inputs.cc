@@ -8,7 +8,6 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/camera.h"
 #include "core/nn/checkpoint.h"
 
@@ -26,10 +25,7 @@ bool IsFound(const std::string& path) { return Exists(FindInputFile(path)); }
 
 std::string IfExists(const fs::path& path) { return Exists(path) ? path.string() : ""; }
 
-std::string KeptStructure(const fs::path& dir) {
-  const std::string yaml = IfExists(dir / "structure.yaml");
-  return yaml.empty() ? IfExists(dir / "structure.glb") : yaml;
-}
+std::string KeptStructure(const fs::path& dir) { return IfExists(dir / "structure.yaml"); }
 
 /// Of the sensors that the recipe draws from.
 std::vector<IntrinsicsPoolEntry> PoolOf(const std::string& file,
@@ -68,12 +64,10 @@ void KeepInputs(const fs::path& dir, const TrainConfig& config, const Structure&
   const TrainingDataConfig& data = config.data;
   if (KeptStructure(dir).empty()) {
     if (IsFound(data.structure) && ReadStructure(data.structure).Hash() == structure.Hash()) {
-      const std::string file = FindInputFile(data.structure);
-      const bool glb = fs::path(file).extension() == ".glb";
-      WriteFileAtomically(dir / (glb ? "structure.glb" : "structure.yaml"),
-                          ReadFile(file, kMaxResultBytes));
+      WriteFileAtomically(dir / "structure.yaml",
+                          ReadFile(FindInputFile(data.structure), kMaxTextBytes));
     } else {
-      WriteStructureGlb(dir / "structure.glb", structure);
+      WriteFileAtomically(dir / "structure.yaml", StructureYaml(structure));
     }
   }
   if (KeptIntrinsics(dir).empty() && IsFound(data.intrinsics))

@@ -9,11 +9,11 @@
 
 namespace volalign {
 
-/// A run folder keeps the files that its samples come from beside the recipe: `structure.yaml` or
-/// `structure.glb`, and `intrinsics.yaml`.
+/// A run folder keeps the files that its samples come from beside the recipe: `structure.yaml`
+/// and `intrinsics.yaml`.
 
-/// Writes what `dir` has not yet: the file data.structure, or as .glb where that file is not
-/// `structure`, and the file data.intrinsics. Throws IoError.
+/// Writes what `dir` has not yet: the file data.structure, or a description of `structure` where
+/// that file is another, and the file data.intrinsics. Throws IoError.
 void KeepInputs(const std::filesystem::path& dir, const TrainConfig& config,
                 const Structure& structure);
 

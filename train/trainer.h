@@ -42,7 +42,7 @@ struct TrainResult {
 /// Trains a network on samples rendered as it goes, or on run.dataset, and
 /// fills the run folder:
 ///   config.yaml    the resolved configuration
-///   structure.yaml or structure.glb, intrinsics.yaml: what the samples come from beside it
+///   structure.yaml, intrinsics.yaml: what the samples come from beside it
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
 ///   states/        all that --resume needs, after so many samples as the name says (format

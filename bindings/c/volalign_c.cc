@@ -19,7 +19,7 @@
 #include "core/base/sentence.h"
 #include "core/base/text.h"
 #include "core/config/config.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/formats/depth_file.h"

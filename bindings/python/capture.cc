@@ -14,7 +14,7 @@
 #include "bindings/python/work.h"
 #include "core/base/error.h"
 #include "core/base/text.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
 

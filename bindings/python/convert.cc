@@ -144,7 +144,7 @@ void AddConvert(py::module_& module) {
       .def_readonly("depth_offset_m", &SensorPose::depth_offset_m, "m; see depth_gain.");
 
   py::list formats;
-  for (const auto& [word, format] : kPoseFormatWords) formats.append(word);
+  for (const std::string& word : WordsOfAll<PoseFormat>()) formats.append(word);
   module.attr("pose_formats") = py::tuple(formats);
 
   const std::string colour = kColourCameras;

@@ -11,41 +11,22 @@ namespace volalign::python {
 namespace {
 
 /// JSON is YAML's flow syntax. Scalars and arrays of NumPy become Python's.
-std::string FlowText(const py::handle& value) {
+std::string FlowText(const std::string& key, const py::handle& value) {
   const py::cpp_function plain([](const py::object& other) -> py::object {
     if (!py::hasattr(other, "tolist"))
       throw py::type_error("an option is a number, a text, a bool, or a list or dict of these");
     return other.attr("tolist")();
   });
-  return py::module_::import("json")
-      .attr("dumps")(value, py::arg("default") = plain)
-      .cast<std::string>();
-}
-
-bool IsListOfDicts(const py::handle& value) {
-  if (!py::isinstance<py::list>(value) && !py::isinstance<py::tuple>(value)) return false;
-  const auto list = py::reinterpret_borrow<py::sequence>(value);
-  return py::len(list) > 0 && py::isinstance<py::dict>(list[0]);
-}
-
-void SetAll(const std::string& key, const py::handle& value, int depth, ConfigSource* source) {
-  if (depth > kMaxYamlDepth) {  // or contains itself
-    throw ConfigError(fmt::format("{}: nested deeper than the {} levels that are read of options",
-                                  Shortened(key), kMaxYamlDepth));
+  try {
+    return py::module_::import("json")
+        .attr("dumps")(value, py::arg("default") = plain)
+        .cast<std::string>();
+  } catch (const py::error_already_set& error) {
+    if (!error.matches(PyExc_ValueError) && !error.matches(PyExc_RecursionError)) throw;
   }
-  if (py::isinstance<py::dict>(value)) {
-    for (const auto& [name, item] : py::reinterpret_borrow<py::dict>(value)) {
-      const auto text = py::str(name).cast<std::string>();
-      SetAll(key.empty() ? text : key + "." + text, item, depth + 1, source);
-    }
-  } else if (IsListOfDicts(value)) {
-    source->Set(key + "=[]", "argument");
-    std::size_t i = 0;
-    for (const py::handle item : py::reinterpret_borrow<py::sequence>(value))
-      SetAll(fmt::format("{}[{}]", key, i++), item, depth + 1, source);
-  } else {
-    source->Set(key + "=" + FlowText(value), "argument");
-  }
+  throw ConfigError(fmt::format(
+      "{}: nested deeper than the {} levels that are read of options, or contains itself",
+      Shortened(key), kMaxYamlDepth));
 }
 
 }  // namespace
@@ -55,7 +36,7 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
   if (IsPath(options)) {
     source = ConfigSource::FromFile(PathOf(options));
   } else if (py::isinstance<py::dict>(options)) {
-    SetAll("", options, 0, &source);
+    SetOptions(options, &source);
   } else if (!options.is_none()) {
     throw py::type_error("options are a dict or the path of a YAML file");
   }
@@ -63,7 +44,12 @@ ConfigSource SourceOf(const py::object& options, const py::dict& keywords) {
   return source;
 }
 
-void SetOptions(const py::dict& options, ConfigSource* source) { SetAll("", options, 0, source); }
+void SetOptions(const py::dict& options, ConfigSource* source) {
+  for (const auto& [name, value] : options) {
+    const auto key = py::str(name).cast<std::string>();
+    source->Set(key + "=" + FlowText(key, value), "argument");
+  }
+}
 
 bool IsPath(const py::handle& object) {
   return py::isinstance<py::str>(object) || py::hasattr(object, "__fspath__");

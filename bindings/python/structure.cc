@@ -111,14 +111,20 @@ void AddBoxes(py::module_& module) {
            "...; none: box by box front, back, up, right, left. Raises DataError.")
       .def_static(
           "load", [](const Path& path) { return ReadStructure(PathOf(path)); }, py::arg("path"),
-          "Reads a .yaml of boxes or a .glb. Raises IoError, ConfigError, "
-          "DataError.")
+          "Reads a .yaml of boxes. Raises IoError, ConfigError.")
       .def(
           "save",
           [](const Structure& structure, const Path& path) {
-            WriteStructureGlb(PathOf(path), structure);
+            const std::filesystem::path file = PathOf(path);
+            if (file.extension() == ".glb") {
+              WriteStructureGlb(file, structure);
+            } else {
+              WriteFileAtomically(file, StructureYaml(structure));
+            }
           },
-          py::arg("path"), "Writes a .glb. Raises IoError.")
+          py::arg("path"),
+          "Writes a .yaml, which load reads, or a .glb, which shows it. Raises IoError; "
+          "DataError for a .yaml where a box leans.")
       .def_property_readonly("name", &Structure::name)
       .def_property_readonly("boxes", &Structure::boxes)
       .def_property_readonly("side_names", &Structure::SideNames,

@@ -120,6 +120,11 @@ void CheckWord(const std::string& value, const std::vector<Constraint>& constrai
 
 }  // namespace config_internal
 
+Constraint Required() {
+  Constraint required;
+  required.required = true;
+  return required;
+}
 Constraint FormerlyNamed(std::string name) { return {"", nullptr, nullptr, std::move(name)}; }
 Constraint Removed(std::string name, std::string instead,
                    std::optional<std::vector<std::string>> harmless) {
@@ -134,60 +139,74 @@ Constraint Fixed(std::string name, double value) {
 
 namespace {
 
-void Flatten(const YAML::Node& node, const std::string& prefix, const std::string& name,
-             std::map<std::string, ConfigSource::Leaf>* leaves) {
-  const auto where = [&](const YAML::Node& at) {
-    return fmt::format("{}:{}", name, at.Mark().line + 1);
-  };
-  std::set<std::string> seen;
-  for (const auto& item : node) {
-    if (!item.first.IsScalar()) throw ConfigError(where(item.first) + ": a key has to be a word");
-    const std::string key = prefix + item.first.Scalar();
-    const YAML::Node& value = item.second;
-    const auto insert = [&](const std::string& leaf_key, ConfigSource::Leaf leaf) {
-      if (!leaves->emplace(leaf_key, std::move(leaf)).second) {
-        throw ConfigError(
-            fmt::format("key '{}' stands twice ({})", Shortened(leaf_key), where(item.first)));
-      }
-    };
-    if (!seen.insert(key).second) {
-      throw ConfigError(
-          fmt::format("key '{}' stands twice ({})", Shortened(key), where(item.first)));
+using Leaves = std::map<std::string, ConfigSource::Leaf>;
+
+class Flattener {
+ public:
+  /// Without `lines`, `name` is where everything stands.
+  Flattener(const std::string& name, Leaves* leaves, bool lines = true)
+      : name_(name), lines_(lines), leaves_(leaves) {}
+
+  void Map(const YAML::Node& node, const std::string& prefix) {
+    std::set<std::string> seen;
+    for (const auto& item : node) {
+      const std::string where = Where(item.first);
+      if (!item.first.IsScalar()) throw ConfigError(where + ": a key has to be a word");
+      const std::string key = prefix + item.first.Scalar();
+      if (!seen.insert(key).second) FailTwice(key, where);
+      Value(item.second, key, where);
     }
-    switch (value.Type()) {
-      case YAML::NodeType::Scalar:
-        insert(key, {{value.Scalar()}, false, where(item.first)});
-        break;
-      case YAML::NodeType::Map: {
-        Flatten(value, key + ".", name, leaves);
-        break;
-      }
-      case YAML::NodeType::Sequence: {
-        ConfigSource::Leaf leaf{{}, true, where(item.first)};
-        int index = 0;
-        for (const YAML::Node& element : value) {
-          if (element.IsMap()) {
-            Flatten(element, fmt::format("{}[{}].", key, index), name, leaves);
-          } else if (element.IsScalar()) {
-            leaf.values.push_back(element.Scalar());
-          } else {
-            throw ConfigError(fmt::format("{}[{}]: a nested list is not expected ({})", key, index,
-                                          where(item.first)));
-          }
-          ++index;
+  }
+
+  void Value(const YAML::Node& value, const std::string& key, const std::string& where) {
+    if (value.IsScalar()) {
+      Insert(key, {{value.Scalar()}, false, where});
+    } else if (value.IsMap()) {
+      Map(value, key + ".");
+    } else if (value.IsSequence()) {
+      ConfigSource::Leaf leaf{{}, true, where};
+      std::size_t index = 0;
+      for (const YAML::Node& element : value) {
+        if (element.IsScalar()) {
+          leaf.values.push_back(element.Scalar());
+        } else {
+          Value(element, fmt::format("{}[{}]", key, index), Where(element));
         }
-        if (index == static_cast<int>(leaf.values.size())) {
-          insert(key, std::move(leaf));
-        } else if (!leaf.values.empty()) {
-          throw ConfigError(
-              fmt::format("{}: the list mixes maps and values ({})", key, where(item.first)));
-        }
-        break;
+        ++index;
       }
-      default:
+      if (index == leaf.values.size()) {
+        Insert(key, std::move(leaf));
+      } else if (!leaf.values.empty()) {
         throw ConfigError(
-            fmt::format("key '{}' has no value ({})", Shortened(key), where(item.first)));
+            fmt::format("{}: the list mixes single values with maps or lists ({})", key, where));
+      }
+    } else {
+      throw ConfigError(fmt::format("key '{}' has no value ({})", Shortened(key), where));
     }
+  }
+
+ private:
+  std::string Where(const YAML::Node& at) const {
+    return lines_ ? fmt::format("{}:{}", name_, at.Mark().line + 1) : name_;
+  }
+  [[noreturn]] static void FailTwice(const std::string& key, const std::string& where) {
+    throw ConfigError(fmt::format("key '{}' stands twice ({})", Shortened(key), where));
+  }
+  void Insert(const std::string& key, ConfigSource::Leaf leaf) {
+    const std::string where = leaf.where;
+    if (!leaves_->emplace(key, std::move(leaf)).second) FailTwice(key, where);
+  }
+
+  const std::string& name_;
+  const bool lines_;
+  Leaves* leaves_;
+};
+
+YAML::Node Load(const std::string& yaml, const std::string& name) {
+  try {
+    return LoadYaml(yaml);
+  } catch (const YAML::Exception& e) {
+    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, YamlProblem(e)));
   }
 }
 
@@ -195,15 +214,30 @@ void Flatten(const YAML::Node& node, const std::string& prefix, const std::strin
 
 ConfigSource ConfigSource::FromString(const std::string& yaml, const std::string& name) {
   ConfigSource source;
-  try {
-    const YAML::Node root = LoadYaml(yaml);
-    if (root.IsNull()) return source;
-    if (!root.IsMap()) throw ConfigError(name + ": a config is a map of `key: value`");
-    Flatten(root, "", name, &source.leaves_);
-  } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, YamlProblem(e)));
-  }
+  source.name_ = name;
+  const YAML::Node root = Load(yaml, name);
+  if (root.IsNull()) return source;
+  if (!root.IsMap()) throw ConfigError(name + ": a config is a map of `key: value`");
+  Flattener(name, &source.leaves_).Map(root, "");
   return source;
+}
+
+std::vector<ConfigSource> ConfigSource::ListFromString(const std::string& yaml,
+                                                       const std::string& name) {
+  std::vector<ConfigSource> sources;
+  const auto require = [&](bool holds, const YAML::Node& at) {
+    if (holds) return;
+    throw ConfigError(fmt::format("{}:{}: a list of maps, each `- key: value`, is expected", name,
+                                  at.Mark().line + 1));
+  };
+  const YAML::Node root = Load(yaml, name);
+  require(root.IsNull() || root.IsSequence(), root);
+  for (const YAML::Node& item : root) {
+    require(item.IsMap(), item);
+    sources.emplace_back().name_ = fmt::format("{}:{}", name, item.Mark().line + 1);
+    Flattener(name, &sources.back().leaves_).Map(item, "");
+  }
+  return sources;
 }
 
 ConfigSource ConfigSource::FromFile(const std::string& path) {
@@ -216,16 +250,17 @@ ConfigSource ConfigSource::FromFile(const std::string& path) {
     }
     chain.push_back(canonical);
     ConfigSource own = FromString(ReadFile(file, kMaxTextBytes), file), merged;
+    merged.name_ = file;
     if (const auto inherits = own.leaves_.extract("inherits"); !inherits.empty()) {
       const Leaf& bases = inherits.mapped();
       if (bases.values.empty())
         throw ConfigError(fmt::format("inherits names no file ({})", bases.where));
       for (const std::string& base : bases.values) {
-        std::string path = (std::filesystem::path(file).parent_path() / base).string();
+        std::string beside = (std::filesystem::path(file).parent_path() / base).string();
         if (const std::string there = FindInputFile(base);
-            there != base && !std::filesystem::exists(path, error))
-          path = there;
-        merged.Merge(read(path));
+            there != base && !std::filesystem::exists(beside, error))
+          beside = there;
+        merged.Merge(read(beside));
       }
     }
     merged.Merge(own);
@@ -242,24 +277,18 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
                                   where, assignment));
   }
   const std::string key = assignment.substr(0, equals);
-  Leaf leaf;
-  leaf.where = where;
+  Leaves given;
+  YAML::Node value;
   try {
-    const YAML::Node value = LoadYaml(assignment.substr(equals + 1));
-    if (value.IsScalar()) {
-      leaf.values.push_back(value.Scalar());
-    } else if (value.IsSequence()) {
-      leaf.is_sequence = true;
-      for (const YAML::Node& element : value) leaf.values.push_back(element.as<std::string>());
-    } else {
-      throw ConfigError(
-          fmt::format("{} {}: the value is neither a scalar nor a list", where, assignment));
-    }
+    value = LoadYaml(assignment.substr(equals + 1));
   } catch (const YAML::Exception& e) {
     throw ConfigError(fmt::format("{} {}: {}", where, assignment, YamlProblem(e)));
   }
-  // A list takes the place of the maps that stood there; an item of the list ends its being empty.
-  if (leaf.is_sequence) {
+  if (value.IsNull()) throw ConfigError(fmt::format("{} {}: there is no value", where, assignment));
+  Flattener(where, &given, /*lines=*/false).Value(value, key, where);
+  // A list takes the place of what stood there; an item of the list ends its being empty.
+  if (value.IsSequence()) {
+    leaves_.erase(key);
     const std::string items = key + "[";
     for (auto it = leaves_.lower_bound(items);
          it != leaves_.end() && it->first.compare(0, items.size(), items) == 0;) {
@@ -268,7 +297,7 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
   } else if (key.find('[') != std::string::npos) {
     leaves_.erase(key.substr(0, key.find('[')));
   }
-  leaves_[key] = leaf;
+  for (const auto& [name, leaf] : given) leaves_[name] = leaf;
 }
 
 ConfigSource ConfigSource::Only(const std::vector<std::string>& beginnings) const {
@@ -297,23 +326,35 @@ void ConfigSource::Merge(const ConfigSource& over) {
   }
 }
 
+const std::pair<const std::string, ConfigSource::Leaf>* ConfigSource::Find(
+    const std::string& key) const {
+  for (auto leaf = leaves_.lower_bound(key);
+       leaf != leaves_.end() && leaf->first.compare(0, key.size(), key) == 0; ++leaf) {
+    const char next = leaf->first.c_str()[key.size()];
+    if (key.empty() || next == '\0' || next == '.' || next == '[') return &*leaf;
+  }
+  return nullptr;
+}
+
+std::string ConfigSource::WhereOf(std::string key) const {
+  for (;;) {
+    if (const auto* leaf = Find(key)) return leaf->second.where;
+    if (key.empty()) return name_;
+    const std::size_t end = key.find_last_of(".[");
+    key.resize(end == std::string::npos ? 0 : end);
+  }
+}
+
 std::string ConfigReader::NameInSource(const std::string& name,
                                        const std::vector<Constraint>& checks) {
-  // The first leaf of a key, a group or a list.
-  const auto find = [&](const std::string& key) {
-    auto leaf = source_.leaves_.lower_bound(key);
-    while (leaf != source_.leaves_.end() && leaf->first.compare(0, key.size(), key) == 0) {
-      if (leaf->first.size() == key.size() || leaf->first[key.size()] == '.' ||
-          leaf->first[key.size()] == '[')
-        return leaf;
-      ++leaf;
-    }
-    return source_.leaves_.end();
-  };
   for (const Constraint& check : checks) {
+    if (check.required && complete_ && source_.Find(prefix_ + name) == nullptr) {
+      throw ConfigError(fmt::format("key '{}{}' is missing ({})", prefix_, name,
+                                    source_.WhereOf(prefix_ + name)));
+    }
     if (!check.removed_name.empty()) {
-      const auto removed = find(prefix_ + check.removed_name);
-      if (removed == source_.leaves_.end()) continue;
+      const auto* removed = source_.Find(prefix_ + check.removed_name);
+      if (removed == nullptr) continue;
       if (check.harmless == removed->second.values) {
         known_.insert(removed->first);
         continue;
@@ -322,10 +363,10 @@ std::string ConfigReader::NameInSource(const std::string& name,
                                     removed->second.where, check.instead));
     }
     if (check.former_name.empty()) continue;
-    const auto former = find(prefix_ + check.former_name);
-    if (former == source_.leaves_.end()) continue;
+    const auto* former = source_.Find(prefix_ + check.former_name);
+    if (former == nullptr) continue;
     const std::string was = prefix_ + check.former_name, is = prefix_ + name;
-    if (const auto present = find(is); present != source_.leaves_.end()) {
+    if (const auto* present = source_.Find(is)) {
       throw ConfigError(fmt::format("{} ({}) is the former name of {} ({}): leave one of them out",
                                     was, former->second.where, is, present->second.where));
     }
@@ -343,7 +384,13 @@ std::string ConfigReader::NameInSource(const std::string& name,
 const ConfigSource::Leaf* ConfigReader::Find(const std::string& key, bool sequence) {
   known_.insert(key);
   const auto found = source_.leaves_.find(key);
-  if (found == source_.leaves_.end()) return nullptr;
+  if (found == source_.leaves_.end()) {
+    if (const auto nested = source_.leaves_.find(key + "[0]"); nested != source_.leaves_.end()) {
+      throw ConfigError(
+          fmt::format("{}: a nested list is not expected ({})", key, nested->second.where));
+    }
+    return nullptr;
+  }
   if (found->second.is_sequence != sequence) {
     throw ConfigError(fmt::format("{} wants {} ({})", key,
                                   sequence ? "a list, as in [1, 2]" : "a single value, not a list",
@@ -366,8 +413,10 @@ bool ConfigReader::IsEmptyList(const std::string& key) {
 void ConfigReader::RequireSize(const ConfigSource::Leaf& leaf, std::size_t size,
                                const std::string& key) {
   if (leaf.values.size() != size) {
-    throw ConfigError(fmt::format("{} has {} values; {} are expected ({})", key, leaf.values.size(),
-                                  size, leaf.where));
+    throw ConfigError(
+        fmt::format("{} = [{}] has {} values; {} are expected, with commas between them ({})", key,
+                    Shortened(fmt::format("{}", fmt::join(leaf.values, ", "))), leaf.values.size(),
+                    size, leaf.where));
   }
 }
 

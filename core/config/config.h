@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/config/config_word.h"
 
 namespace volalign {
 
@@ -40,11 +41,14 @@ struct Constraint {
   std::string removed_name = "";  ///< no condition, but a key that is gone: see Removed
   std::string instead = "";       ///< what does its work
   std::optional<std::vector<std::string>> harmless = std::nullopt;  ///< see Removed
+  bool required = false;                                            ///< see Required
 };
 Constraint Above(double low);
 Constraint AtLeast(double low);
 Constraint Between(double low, double high);  ///< closed interval
 Constraint OneOf(std::vector<std::string> words);
+/// The key has no default: a file that does not give it is in error.
+Constraint Required();
 /// The key or group is read under this name, too, with a warning on stderr that names the present
 /// one. Files that give both are in error.
 Constraint FormerlyNamed(std::string name);
@@ -57,7 +61,8 @@ Constraint Removed(std::string name, std::string instead,
 Constraint Fixed(std::string name, double value);
 
 /// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
-/// of scalars are one leaf; sequences of maps become "sensors[0].name".
+/// of scalars are one leaf; sequences of maps become "sensors[0].name", sequences of sequences
+/// "intrinsics[0]".
 class ConfigSource {
  public:
   struct Leaf {
@@ -72,17 +77,25 @@ class ConfigSource {
   /// IoError, or ConfigError on bad YAML, duplicate keys or a cycle of inheritance.
   static ConfigSource FromFile(const std::string& path);
   static ConfigSource FromString(const std::string& yaml, const std::string& name);
-  /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]". Throws
-  /// ConfigError. `where` is what messages call its place.
+  /// The maps of a document that is a list of maps. Throws ConfigError.
+  static std::vector<ConfigSource> ListFromString(const std::string& yaml, const std::string& name);
+  /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]",
+  /// "sensors=[{name: A}]", "train={lr: 1e-3}". Throws ConfigError. `where` is what messages call
+  /// its place.
   void Set(const std::string& assignment, const std::string& where = "--set");
   /// The leaves whose keys begin with one of these.
   ConfigSource Only(const std::vector<std::string>& beginnings) const;
 
   const std::map<std::string, Leaf>& leaves() const { return leaves_; }
+  /// The first leaf of a key, a group or a list; null where there is none.
+  const std::pair<const std::string, Leaf>* Find(const std::string& key) const;
+  /// "file:line" of it; where there is none, that of the group around it.
+  std::string WhereOf(std::string key) const;
 
  private:
   void Merge(const ConfigSource& over);
   std::map<std::string, Leaf> leaves_;
+  std::string name_;
   friend class ConfigReader;
 };
 
@@ -152,14 +165,29 @@ void CheckScalar(const T& value, const std::vector<Constraint>& constraints, con
 /// Fills a struct from a source; remembers which keys exist.
 class ConfigReader {
  public:
-  explicit ConfigReader(const ConfigSource& source) : source_(source) {}
+  /// Without `complete`, Required asks for nothing.
+  explicit ConfigReader(const ConfigSource& source, bool complete = true)
+      : source_(source), complete_(complete) {}
 
   template <class T, class... C>
   void operator()(const std::string& name, T& value, const char* /*doc*/, const C&... constraints) {
-    using namespace config_internal;
     const std::vector<Constraint> checks{constraints...};
     const std::string key = prefix_ + NameInSource(name, checks);
-    if constexpr (IsScalar<T>::value) {
+    Value(key, value, checks);
+  }
+
+  /// Throws ConfigError for the first key of the source that no struct described.
+  void RejectUnknown() const;
+
+ private:
+  template <class T>
+  void Value(const std::string& key, T& value, const std::vector<Constraint>& checks) {
+    using namespace config_internal;
+    if constexpr (std::is_enum_v<T>) {
+      std::string word = ToString(value);
+      Value(key, word, {OneOf(WordsOfAll<T>())});
+      FromWord(word, &value);
+    } else if constexpr (IsScalar<T>::value) {
       const auto* leaf = Find(key, false);
       if (leaf) value = ParseScalar<T>(leaf->values.at(0), key, leaf->where);
       CheckScalar(value, checks, key, leaf ? leaf->where : "default");
@@ -173,35 +201,26 @@ class ConfigReader {
       }
       for (const auto& x : value) CheckScalar(x, checks, key, leaf ? leaf->where : "default");
     } else if constexpr (IsVector<T>::value) {
-      if constexpr (IsScalar<typename T::value_type>::value) {
+      using Item = typename T::value_type;
+      if constexpr (IsScalar<Item>::value) {
         const auto* leaf = Find(key, true);
         if (leaf) {
           value.clear();
-          for (const auto& text : leaf->values) {
-            value.push_back(ParseScalar<typename T::value_type>(text, key, leaf->where));
-          }
+          for (const auto& text : leaf->values)
+            value.push_back(ParseScalar<Item>(text, key, leaf->where));
         }
-        for (const auto& x : value) {
-          typename T::value_type copy = x;
-          CheckScalar(copy, checks, key, leaf ? leaf->where : "default");
-        }
+        for (const Item x : value) CheckScalar(x, checks, key, leaf ? leaf->where : "default");
       } else {
         if (IsEmptyList(key)) value.clear();
         const int n = CountItems(key);
-        if (n > 0) value.assign(static_cast<std::size_t>(n), typename T::value_type());
-        for (int i = 0; i < static_cast<int>(value.size()); ++i) {
-          Nested(key + "[" + std::to_string(i) + "].", value[static_cast<std::size_t>(i)]);
-        }
+        if (n > 0) value.assign(static_cast<std::size_t>(n), Item());
+        for (std::size_t i = 0; i < value.size(); ++i)
+          Value(key + "[" + std::to_string(i) + "]", value[i], checks);
       }
     } else {
       Nested(key + ".", value);
     }
   }
-
-  /// Throws ConfigError for the first key of the source that no struct described.
-  void RejectUnknown() const;
-
- private:
   template <class T>
   void Nested(const std::string& prefix, T& value) {
     const std::string saved = prefix_;
@@ -218,6 +237,7 @@ class ConfigReader {
   int CountItems(const std::string& key) const;
 
   const ConfigSource& source_;
+  const bool complete_;
   std::set<std::string> known_;
   std::string prefix_;
 };
@@ -233,7 +253,9 @@ class ConfigWriter {
   void operator()(const std::string& name, T& value, const char* doc, const C&... constraints) {
     using namespace config_internal;
     const std::vector<Constraint> checks{constraints...};
-    if constexpr (IsScalar<T>::value) {
+    if constexpr (std::is_enum_v<T>) {
+      Leaf(name, ToString(value), true, doc, {OneOf(WordsOfAll<T>())});
+    } else if constexpr (IsScalar<T>::value) {
       Leaf(name, ScalarText(value), std::is_same_v<T, std::string>, doc, checks);
     } else if constexpr (IsArray<T>::value || IsVector<T>::value) {
       if constexpr (IsScalar<typename T::value_type>::value) {
@@ -319,8 +341,21 @@ std::string DocumentConfig(T config = T()) {
 template <class T>
 void ValidateConfig(T config) {
   ConfigSource empty;
-  ConfigReader reader(empty);
+  ConfigReader reader(empty, /*complete=*/false);
   config.Describe(reader);
+}
+
+/// Describes a key whose values are words.
+template <class Archive, class Enum, std::size_t N, class... Constraints>
+void DescribeWord(Archive& ar, const std::string& name, Enum& value, const Words<Enum, N>& words,
+                  const char* doc, Constraints... constraints) {
+  std::vector<std::string> allowed;
+  for (const auto& [text, meaning] : words) allowed.emplace_back(text);
+  std::string word = WordOf(words, value);
+  ar(name, word, doc, OneOf(allowed), constraints...);
+  for (const auto& [text, meaning] : words) {
+    if (word == text) value = meaning;
+  }
 }
 
 /// The known keys, joined by "' or '", whose last part or a word of it is nearest to that of `key`.

@@ -4,14 +4,15 @@
 #include <array>
 #include <cstddef>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
-#include "core/config/config.h"
-
 namespace volalign {
 
-/// The words that stand for the values of an enum, each value once.
+/// The words that stand for the values of an enum, each value once. An enum that files spell has a
+/// function `WordsOf(Enum)` beside it, which returns its Words; with it come ToString and AllOf, by
+/// which configurations, JSON, options and messages read and write it.
 template <class Enum, std::size_t N>
 using Words = std::array<std::pair<const char*, Enum>, N>;
 
@@ -28,17 +29,33 @@ std::vector<Enum> ValuesOf(const Words<Enum, N>& words) {
   return values;
 }
 
-/// Describes a key whose values are words.
-template <class Archive, class Enum, std::size_t N, class... Constraints>
-void DescribeWord(Archive& ar, const std::string& name, Enum& value, const Words<Enum, N>& words,
-                  const char* doc, Constraints... constraints) {
-  std::vector<std::string> allowed;
-  for (const auto& [text, meaning] : words) allowed.emplace_back(text);
-  std::string word = WordOf(words, value);
-  ar(name, word, doc, OneOf(allowed), constraints...);
-  for (const auto& [text, meaning] : words) {
-    if (word == text) value = meaning;
+template <class Enum, class = decltype(WordsOf(Enum()))>
+const char* ToString(Enum value) {
+  return WordOf(WordsOf(value), value);
+}
+
+template <class Enum, class = decltype(WordsOf(Enum()))>
+std::vector<Enum> AllOf(Enum value) {
+  return ValuesOf(WordsOf(value));
+}
+
+/// The word of each value, in the order of AllOf.
+template <class Enum>
+std::vector<std::string> WordsOfAll() {
+  std::vector<std::string> words;
+  for (const Enum value : AllOf(Enum())) words.emplace_back(ToString(value));
+  return words;
+}
+
+/// Gives `value` what the word stands for; false where it stands for nothing.
+template <class Enum>
+bool FromWord(const std::string& word, Enum* value) {
+  for (const Enum candidate : AllOf(Enum())) {
+    if (ToString(candidate) != word) continue;
+    *value = candidate;
+    return true;
   }
+  return false;
 }
 
 }  // namespace volalign

@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/formats/structure_gltf.h"
 #include "core/plot/picture.h"
 
 namespace volalign {
@@ -60,7 +61,7 @@ tinygltf::Primitive MakePrimitive(tinygltf::Model* model, const Box& box, const 
   primitive.attributes["NORMAL"] = AddFloats(model, normals, TINYGLTF_TYPE_VEC3);
   primitive.indices = AddIndices(model, {0, 1, 2, 0, 2, 3});
   tinygltf::Value::Object extras;
-  extras["side"] = tinygltf::Value(std::string(FaceName(side.face)));
+  extras["side"] = tinygltf::Value(std::string(ToString(side.face)));
   extras["label"] = tinygltf::Value(static_cast<int>(side.label));
   extras["centre"] = Numbers({side.centre.x(), side.centre.y(), side.centre.z()});
   const Eigen::Vector3d& exposed = side.exposed_centroid;
@@ -157,6 +158,15 @@ std::vector<int> AddBoxes(tinygltf::Model* model, const Structure& structure) {
     nodes.push_back(AddNode(model, std::move(node)));
   }
   return nodes;
+}
+
+void WriteStructureGlb(const std::filesystem::path& path, const Structure& structure) {
+  tinygltf::Model model = NewGltf(structure.name());
+  model.scenes[0].extras = tinygltf::Value(
+      tinygltf::Value::Object{{"format", tinygltf::Value(std::string("volalign.structure/1"))},
+                              {"name", tinygltf::Value(structure.name())}});
+  model.scenes[0].nodes = AddBoxes(&model, structure);
+  WriteGlb(path, model);
 }
 
 void WriteGlb(const std::filesystem::path& path, const tinygltf::Model& model) {

@@ -11,11 +11,4 @@ namespace volalign {
 /// Throws IoError.
 void WriteStructureGlb(const std::filesystem::path& path, const Structure& structure);
 
-/// Reads what WriteStructureGlb wrote. Throws IoError, or DataError naming the node or primitive
-/// whose geometry, label or extras are missing or contradict each other.
-Structure ReadStructureGlb(const std::filesystem::path& path);
-
-/// By extension: .glb through ReadStructureGlb, .yaml or .yml through ReadStructureYaml.
-Structure ReadStructure(const std::filesystem::path& path);
-
 }  // namespace volalign

@@ -1,18 +1,14 @@
 #include "core/geometry/camera.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
-#include <yaml-cpp/yaml.h>
 
-#include <algorithm>
+#include <array>
 #include <cmath>
-#include <set>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
-#include "core/config/bounded_yaml.h"
 #include "core/config/config.h"
 #include "core/geometry/typical_intrinsics.h"
 
@@ -78,39 +74,21 @@ bool operator==(const Intrinsics& a, const Intrinsics& b) {
 
 namespace {
 
-/// Throws ConfigError for a key that a pool's entry does not have, or has twice.
-void RequireKnownKeys(const YAML::Node& entry, const std::string& path) {
-  static const std::vector<std::string> known = {"sensor", "resolution", "distortion",
-                                                 "intrinsics"};
-  std::set<std::string> seen;
-  for (const auto& item : entry) {
-    const auto key = item.first.as<std::string>();
-    const std::string where = fmt::format("{}:{}", path, item.first.Mark().line + 1);
-    if (std::find(known.begin(), known.end(), key) == known.end()) {
-      const std::string nearest = NearestKey(key, known);
-      throw ConfigError(
-          fmt::format("unknown key '{}' ({}){}", key, where,
-                      nearest.empty() ? "" : fmt::format("; did you mean '{}'?", nearest)));
-    }
-    if (!seen.insert(key).second) {
-      throw ConfigError(fmt::format("key '{}' stands twice ({})", key, where));
-    }
-  }
-}
+/// An entry of a pool as it stands in the file.
+struct PoolEntry {
+  std::string sensor;
+  std::array<int, 2> resolution{};
+  std::vector<double> distortion;
+  std::vector<std::array<double, 4>> intrinsics;
 
-Intrinsics ParseIntrinsics(const YAML::Node& item, const std::vector<int>& size,
-                           const std::vector<double>& distortion, const std::string& path) {
-  const auto k = item.as<std::vector<double>>();
-  const std::string where = fmt::format("{}:{}", path, item.Mark().line + 1);
-  if (k.size() != 4) throw ConfigError(where + ": intrinsics want [fx, fy, cx, cy]");
-  Intrinsics intrinsics{size[0], size[1], k[0], k[1], k[2], k[3], distortion};
-  try {
-    intrinsics.Validate(where);
-  } catch (const DataError& e) {
-    throw ConfigError(e.what());
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("sensor", sensor, "name of the sensor's model", Required());
+    ar("resolution", resolution, "[width, height]", Required());
+    ar("distortion", distortion, "[k1, k2, p1, p2, ...], of all of them");
+    ar("intrinsics", intrinsics, "[fx, fy, cx, cy] of each device", Required());
   }
-  return intrinsics;
-}
+};
 
 }  // namespace
 
@@ -121,33 +99,25 @@ std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
 std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& text,
                                                      const std::string& path) {
   std::vector<IntrinsicsPoolEntry> pool;
-  try {
-    for (const YAML::Node& node : LoadYaml(text)) {
-      if (node.IsMap() && node["kind"]) continue;  // core/geometry/sensor_kind.h
-      RequireKnownKeys(node, path);
-      IntrinsicsPoolEntry entry;
-      entry.sensor = node["sensor"].as<std::string>();
-      const auto size = node["resolution"].as<std::vector<int>>();
-      if (size.size() != 2) {
-        throw ConfigError(fmt::format("{}:{}: resolution wants [width, height]", path,
-                                      node["resolution"].Mark().line + 1));
-      }
-      std::vector<double> distortion;
-      if (node["distortion"]) distortion = node["distortion"].as<std::vector<double>>();
-      for (const YAML::Node& item : node["intrinsics"]) {
-        entry.intrinsics.push_back(ParseIntrinsics(item, size, distortion, path));
-      }
-      if (entry.intrinsics.empty()) {
-        throw ConfigError(
-            fmt::format("{}:{}: {} has no intrinsics", path, node.Mark().line + 1, entry.sensor));
-      }
-      pool.push_back(entry);
+  for (const ConfigSource& source : ConfigSource::ListFromString(text, path)) {
+    if (source.Find("kind") != nullptr) continue;  // core/geometry/sensor_kind.h
+    const auto read = ReadConfig<PoolEntry>(source);
+    if (read.intrinsics.empty()) {
+      throw ConfigError(
+          fmt::format("{}: {} has no intrinsics", source.WhereOf("intrinsics"), read.sensor));
     }
-  } catch (const YAML::Exception& e) {
-    throw ConfigError(
-        fmt::format("{}:{}: {}; a list of {{sensor, resolution: [w, h], intrinsics: [[fx, fy, cx, "
-                    "cy], ...]}}, and perhaps distortion: [k1, k2, p1, p2, ...], is expected",
-                    path, e.mark.line + 1, YamlProblem(e)));
+    IntrinsicsPoolEntry& entry = pool.emplace_back();
+    entry.sensor = read.sensor;
+    for (const std::array<double, 4>& k : read.intrinsics) {
+      entry.intrinsics.push_back(
+          {read.resolution[0], read.resolution[1], k[0], k[1], k[2], k[3], read.distortion});
+      try {
+        entry.intrinsics.back().Validate(
+            source.WhereOf(fmt::format("intrinsics[{}]", entry.intrinsics.size() - 1)));
+      } catch (const DataError& e) {
+        throw ConfigError(e.what());
+      }
+    }
   }
   if (pool.empty()) throw ConfigError(path + ": no sensors in the intrinsics pool");
   return pool;

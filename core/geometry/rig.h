@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/config/config.h"
-#include "core/config/config_word.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/scene_config.h"
@@ -107,6 +106,9 @@ struct RigPlacement {
 /// Of a sensor, between the stills of several placements: its device's errors (bias, warp and what
 /// else one device does alike in all frames) stay as they are, or each still draws its own.
 enum class DeviceErrorDraw { kPersistent, kRedrawn };
+constexpr Words<DeviceErrorDraw, 2> WordsOf(DeviceErrorDraw) {
+  return {{{"persistent", DeviceErrorDraw::kPersistent}, {"redrawn", DeviceErrorDraw::kRedrawn}}};
+}
 
 /// The description of a simulated multi-sensor capture, rig.yaml; render/rig.h draws it.
 struct Rig {
@@ -139,7 +141,7 @@ struct Rig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure", structure, "structure file, .yaml or .glb");
+    ar("structure", structure, "structure file, .yaml");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("structure_yaw_deg", structure_yaw_deg,
        "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
@@ -175,13 +177,10 @@ struct Rig {
     ar("placements", placements,
        "further places of the structure, one still each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
-    DescribeWord(
-        ar, "device_errors", device_errors,
-        std::array<std::pair<const char*, DeviceErrorDraw>, 2>{
-            {{"persistent", DeviceErrorDraw::kPersistent}, {"redrawn", DeviceErrorDraw::kRedrawn}}},
-        "with placements: persistent (bias, warp and what else one device does alike in "
-        "all frames stay from still to still) or redrawn (each still has its own: errors "
-        "average out as those of real devices do not)");
+    ar("device_errors", device_errors,
+       "with placements: persistent (bias, warp and what else one device does alike in "
+       "all frames stay from still to still) or redrawn (each still has its own: errors "
+       "average out as those of real devices do not)");
     ar("scene", scene, "the room's content");
     ar("assembly", assembly,
        "how imprecisely the structure's boxes are stacked; 0 is the exact model");

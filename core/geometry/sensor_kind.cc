@@ -2,13 +2,11 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 
 #include "core/base/error.h"
-#include "core/config/bounded_yaml.h"
-#include "core/config/config_word.h"
+#include "core/config/config.h"
 #include "core/geometry/shipped_intrinsics.h"
 
 namespace volalign {
@@ -16,11 +14,6 @@ namespace volalign {
 namespace {
 
 constexpr char kUnknown[] = "unknown";
-
-constexpr Words<DepthPrinciple, 3> kPrinciples = {
-    {{"unknown", DepthPrinciple::kUnknown},
-     {"time_of_flight", DepthPrinciple::kTimeOfFlight},
-     {"stereo", DepthPrinciple::kStereo}}};
 
 /// An entry as it stands in the file.
 struct KindEntry {
@@ -35,7 +28,7 @@ struct KindEntry {
   void Describe(Archive& ar) {
     ar("kind", kind, "with which the names of its sensors begin");
     ar("like", like, "an earlier kind, whose keys this one has where it does not give its own");
-    DescribeWord(ar, "principle", principle, kPrinciples, "how it measures");
+    ar("principle", principle, "how it measures");
     ar("distortion", distortion, "k1 k2 p1 p2 k3 k4 k5 k6, or none: rectified");
     ar("lens_sigmas", lens_sigmas,
        "by which lenses of the kind differ: standard deviations of the logarithm of the focal "
@@ -49,22 +42,20 @@ struct KindEntry {
   }
 };
 
-KindEntry ReadEntry(const YAML::Node& node, const std::string& path,
-                    const std::vector<KindEntry>& earlier) {
-  const std::string place = fmt::format("{}:{}", path, node.Mark().line + 1);
-  YAML::Emitter text;
-  text << node;
-  const ConfigSource source = ConfigSource::FromString(text.c_str(), place);
+KindEntry ReadEntry(const ConfigSource& source, const std::vector<KindEntry>& earlier) {
   KindEntry start;
-  if (node["like"]) {
-    const auto name = node["like"].as<std::string>();
+  if (const auto* like = source.Find("like")) {
+    const std::string name = fmt::format("{}", fmt::join(like->second.values, ", "));
     const auto found = std::find_if(earlier.begin(), earlier.end(),
                                     [&](const KindEntry& entry) { return entry.kind == name; });
-    if (found == earlier.end())
-      throw ConfigError(fmt::format("{}: like = {} is no kind before this one", place, name));
+    if (found == earlier.end()) {
+      throw ConfigError(
+          fmt::format("like = {} is no kind before this one ({})", name, like->second.where));
+    }
     start = *found;
   }
   KindEntry entry = ReadConfig(source, start);
+  const std::string place = source.WhereOf("kind");
   const std::size_t coefficients = entry.distortion.size(), sigmas = entry.lens_sigmas.size();
   if ((coefficients != 0 && coefficients != 8) || (sigmas != 0 && sigmas != 3) ||
       (coefficients > 0 && sigmas == 0)) {
@@ -105,12 +96,8 @@ bool IsUnknown(const SensorKind& kind) { return kind.name == kUnknown; }
 
 std::vector<SensorKind> ParseSensorKinds(const std::string& yaml, const std::string& path) {
   std::vector<KindEntry> entries;
-  try {
-    for (const YAML::Node& node : LoadYaml(yaml)) {
-      if (node.IsMap() && node["kind"]) entries.push_back(ReadEntry(node, path, entries));
-    }
-  } catch (const YAML::Exception& error) {
-    throw ConfigError(fmt::format("{}:{}: {}", path, error.mark.line + 1, YamlProblem(error)));
+  for (const ConfigSource& source : ConfigSource::ListFromString(yaml, path)) {
+    if (source.Find("kind") != nullptr) entries.push_back(ReadEntry(source, entries));
   }
   std::vector<SensorKind> kinds;
   kinds.reserve(entries.size());

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/depth_error_model.h"
 
 namespace volalign {
@@ -14,6 +15,12 @@ enum class DepthPrinciple {
   kTimeOfFlight,
   kStereo  ///< matches patterns, of its own or of the scene's texture
 };
+
+constexpr Words<DepthPrinciple, 3> WordsOf(DepthPrinciple) {
+  return {{{"unknown", DepthPrinciple::kUnknown},
+           {"time_of_flight", DepthPrinciple::kTimeOfFlight},
+           {"stereo", DepthPrinciple::kStereo}}};
+}
 
 /// A lens that is typical of a kind, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
 struct TypicalLens {

@@ -1,7 +1,6 @@
 #include "core/geometry/structure.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <array>
@@ -17,7 +16,7 @@
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/text.h"
-#include "core/config/bounded_yaml.h"
+#include "core/config/config.h"
 #include "core/geometry/stack_faults.h"
 
 namespace volalign {
@@ -148,7 +147,7 @@ Side MakeSide(const std::vector<Box>& boxes, int box_index, Face face) {
   const Box& box = boxes[static_cast<std::size_t>(box_index)];
   const FaceAxes axes = AxesOf(face);
   Side side;
-  side.name = box.name + "/" + FaceName(face);
+  side.name = box.name + "/" + ToString(face);
   side.box = box_index;
   side.face = face;
   const Eigen::Matrix3d& r = box.structure_from_box.linear();
@@ -163,11 +162,6 @@ Side MakeSide(const std::vector<Box>& boxes, int box_index, Face face) {
 }
 
 }  // namespace
-
-const char* FaceName(Face face) {
-  constexpr const char* kNames[] = {"front", "back", "up", "down", "right", "left"};
-  return kNames[static_cast<int>(face)];
-}
 
 Eigen::Vector3d FaceNormal(Face face) { return AxesOf(face).normal; }
 
@@ -354,114 +348,136 @@ namespace {
 
 constexpr double kMillimetre = 1e-3;
 
-void RejectOtherKeys(const YAML::Node& node, const std::set<std::string>& known,
-                     const std::string& path) {
-  std::set<std::string> seen;
-  for (const auto& item : node) {
-    const auto key = item.first.as<std::string>();
-    const std::string where = fmt::format("{}:{}", path, item.first.Mark().line + 1);
-    if (!known.count(key))
-      throw ConfigError(fmt::format("{}: unknown key '{}'", where, Shortened(key)));
-    if (!seen.insert(key).second)
-      throw ConfigError(fmt::format("{}: key '{}' stands twice", where, Shortened(key)));
-  }
-}
+using Range = std::array<double, 2>;
 
-/// What is at `where`, "FILE:LINE"; `what` says which value it is, `expected` what it has to be.
-template <class T>
-T ReadValue(const YAML::Node& node, const std::string& where, const std::string& what,
-            const char* expected) {
-  try {
-    return node.as<T>();
-  } catch (const YAML::BadConversion&) {
-    throw ConfigError(fmt::format("{}: {} has to be {}; it is {}", where, what, expected,
-                                  Shortened(YAML::Dump(node))));
-  }
-}
-
-Box ReadBox(const YAML::Node& node, const std::string& path) {
-  const std::string where = fmt::format("{}:{}", path, node.Mark().line + 1);
-  if (!node.IsMap())
-    throw ConfigError(where + ": a box wants {name, x: [min, max], y: ..., z: ...}");
-  RejectOtherKeys(node, {"name", "x", "y", "z", "yaw_deg"}, path);
-  if (!node["name"]) throw ConfigError(where + ": a box has no 'name'");
-  const auto name = ReadValue<std::string>(node["name"], where, "'name' of a box", "a word");
-  const auto value = [&](const std::string& key) {
-    return fmt::format("'{}' of box '{}'", key, Shortened(name));
-  };
-  Eigen::Vector3d min, max;
-  const char* axes[] = {"x", "y", "z"};
-  for (int i = 0; i < 3; ++i) {
-    const YAML::Node axis = node[axes[i]];
-    if (!axis)
-      throw ConfigError(fmt::format("{}: box '{}' has no '{}'", where, Shortened(name), axes[i]));
-    const std::string at = fmt::format("{}:{}", path, axis.Mark().line + 1);
-    constexpr char kExpected[] = "two numbers, [min, max], in millimetres, with a comma between";
-    const auto range = ReadValue<std::vector<double>>(axis, at, value(axes[i]), kExpected);
-    if (range.size() != 2 || !(range[0] < range[1])) {
-      throw ConfigError(fmt::format("{}: {} has to be {}, and min < max; it is {}", at,
-                                    value(axes[i]), kExpected, Shortened(YAML::Dump(axis))));
+/// A structure as it stands in a file; lengths in millimetres.
+struct StructureFile {
+  struct BoxEntry {
+    std::string name;
+    Range x{}, y{}, z{};
+    double yaw_deg = 0;
+    template <class Archive>
+    void Describe(Archive& ar) {
+      ar("name", name, "its name", Required());
+      ar("x", x, "[min, max], mm", Required());
+      ar("y", y, "[min, max], mm", Required());
+      ar("z", z, "[min, max], mm", Required());
+      ar("yaw_deg", yaw_deg, "turn about the vertical through the box's centre");
     }
-    min[i] = range[0] * kMillimetre;
-    max[i] = range[1] * kMillimetre;
+  };
+  struct LabelEntry {
+    int id = 0;
+    std::string side;
+    template <class Archive>
+    void Describe(Archive& ar) {
+      ar("id", id, "from 1 on, without gaps", Required());
+      ar("side", side, "BOX/SIDE", Required());
+    }
+  };
+  struct Sides {
+    std::array<std::string, 6> normals{"+x", "-x", "+y", "-y", "+z", "-z"};
+    template <class Archive>
+    void Describe(Archive& ar) {
+      for (const Face face : kFaces) {
+        std::string& normal = normals.at(static_cast<std::size_t>(face));
+        ar(ToString(face), normal, "its normal, which is fixed", OneOf({normal}));
+      }
+    }
+  };
+  std::string name;
+  std::vector<BoxEntry> boxes;
+  Sides sides;
+  std::vector<LabelEntry> labels;
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("name", name, "of the structure");
+    ar("boxes", boxes, "a list of {name, x, y, z}", Required());
+    ar("sides", sides, "the normals of the sides");
+    ar("labels", labels, "the sides in the order of their labels");
   }
-  Box box = Box::FromMinMax(name, min, max);
-  if (const YAML::Node given = node["yaw_deg"]) {
-    const double yaw = ReadValue<double>(given, where, value("yaw_deg"), "a number of degrees") *
-                       (3.14159265358979323846 / 180);
-    box.structure_from_box.linear() = RotationExp(yaw * Eigen::Vector3d::UnitY());
+};
+
+Box BoxOf(const StructureFile::BoxEntry& entry, const ConfigSource& source,
+          const std::string& key) {
+  Eigen::Vector3d min, max;
+  const std::array<const Range*, 3> ranges = {&entry.x, &entry.y, &entry.z};
+  for (int i = 0; i < 3; ++i) {
+    const auto& [low, high] = *ranges.at(static_cast<std::size_t>(i));
+    const std::string axis = fmt::format("{}.{}", key, "xyz"[i]);
+    if (!(low < high)) {
+      throw ConfigError(fmt::format("{0} = [{1}, {2}] of box '{3}' violates min < max ({4})", axis,
+                                    low, high, Shortened(entry.name), source.WhereOf(axis)));
+    }
+    min[i] = low * kMillimetre;
+    max[i] = high * kMillimetre;
   }
+  Box box = Box::FromMinMax(entry.name, min, max);
+  box.structure_from_box.linear() =
+      RotationExp(entry.yaw_deg * M_PI / 180 * Eigen::Vector3d::UnitY());
   return box;
 }
 
 }  // namespace
 
-Structure ReadStructureYaml(const std::string& path) {
-  const std::string text = ReadFile(FindInputFile(path), kMaxTextBytes);
+Structure ReadStructure(const std::filesystem::path& file_path) {
+  const std::string path = file_path.string(), ending = file_path.extension().string();
+  if (ending == ".glb") {
+    throw ConfigError(fmt::format(
+        "{}: a .glb shows a structure and is not read; give the .yaml that it was built "
+        "from, as --structure FILE.yaml or in the place of its name in capture.json",
+        path));
+  }
+  if (ending != ".yaml" && ending != ".yml")
+    throw ConfigError(fmt::format("{}: a structure is a .yaml file", path));
+  const auto source = ConfigSource::FromString(ReadFile(FindInputFile(path), kMaxTextBytes), path);
+  StructureFile start;
+  start.name = file_path.stem().string();
+  const StructureFile file = ReadConfig(source, start);
+  std::vector<Box> boxes;
+  for (const StructureFile::BoxEntry& entry : file.boxes)
+    boxes.push_back(BoxOf(entry, source, fmt::format("boxes[{}]", boxes.size())));
+  std::vector<std::string> order;
+  for (const StructureFile::LabelEntry& label : file.labels) {
+    order.push_back(label.side);
+    if (label.id != static_cast<int>(order.size())) {
+      throw ConfigError(fmt::format(
+          "label id {} where {} is expected; ids run from 1 without gaps ({})", label.id,
+          order.size(), source.WhereOf(fmt::format("labels[{}].id", order.size() - 1))));
+    }
+  }
   try {
-    const YAML::Node root = LoadYaml(text);
-    if (!root.IsMap() || !root["boxes"] || !root["boxes"].IsSequence()) {
-      throw ConfigError(path + ": a structure wants `boxes:`, a list of {name, x, y, z}");
-    }
-    RejectOtherKeys(root, {"name", "boxes", "sides", "labels"}, path);
-    if (root["sides"]) {
-      const std::map<std::string, std::string> expected = {{"front", "+x"}, {"back", "-x"},
-                                                           {"up", "+y"},    {"down", "-y"},
-                                                           {"right", "+z"}, {"left", "-z"}};
-      for (const auto& item : root["sides"]) {
-        const auto face = expected.find(item.first.as<std::string>());
-        if (face == expected.end() || face->second != item.second.as<std::string>()) {
-          throw ConfigError(
-              fmt::format("{}:{}: the side names' normals are fixed: front +x, back -x, up +y, "
-                          "down -y, right +z, left -z",
-                          path, item.first.Mark().line + 1));
-        }
-      }
-    }
-    std::vector<Box> boxes;
-    for (const YAML::Node& node : root["boxes"]) boxes.push_back(ReadBox(node, path));
-    std::vector<std::string> order;
-    for (const YAML::Node& node : root["labels"]) {
-      RejectOtherKeys(node, {"id", "side"}, path);
-      const std::string where = fmt::format("{}:{}", path, node.Mark().line + 1);
-      const int id = ReadValue<int>(node["id"], where, "'id' of a label", "a whole number");
-      if (id != static_cast<int>(order.size()) + 1) {
-        throw ConfigError(
-            fmt::format("{}: label id {} where {} is expected; ids run from 1 without gaps", where,
-                        id, order.size() + 1));
-      }
-      order.push_back(ReadValue<std::string>(node["side"], where, "'side' of a label", "BOX/SIDE"));
-    }
-    const std::string name =
-        root["name"] ? root["name"].as<std::string>() : std::filesystem::path(path).stem().string();
-    Structure structure = Structure::FromBoxes(name, std::move(boxes), order);
+    Structure structure = Structure::FromBoxes(file.name, std::move(boxes), order);
     RequireStack(structure);
     return structure;
-  } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{}:{}: {}", path, e.mark.line + 1, YamlProblem(e)));
   } catch (const DataError& e) {
     throw ConfigError(fmt::format("{}: {}", path, e.what()));
   }
+}
+
+std::string StructureYaml(const Structure& structure) {
+  const auto rounded = [](double mm) { return std::round(mm * 1e6) / 1e6; };
+  StructureFile file;
+  file.name = structure.name();
+  for (const Box& box : structure.boxes()) {
+    const Eigen::Matrix3d r = box.structure_from_box.linear();
+    if (r(1, 1) < 1 - 1e-9) {
+      throw DataError(fmt::format("box '{}' leans; the boxes of a structure file stand upright",
+                                  Shortened(box.name)));
+    }
+    StructureFile::BoxEntry& entry = file.boxes.emplace_back();
+    entry.name = box.name;
+    entry.yaw_deg = rounded(std::atan2(r(0, 2), r(2, 2)) * 180 / M_PI);
+    const Eigen::Vector3d middle = box.structure_from_box.translation();
+    const Eigen::Vector3d low = (middle - box.size / 2) / kMillimetre,
+                          high = (middle + box.size / 2) / kMillimetre;
+    entry.x = {rounded(low.x()), rounded(high.x())};
+    entry.y = {rounded(low.y()), rounded(high.y())};
+    entry.z = {rounded(low.z()), rounded(high.z())};
+  }
+  for (const std::string& side : structure.SideNames())
+    file.labels.push_back({static_cast<int>(file.labels.size()) + 1, side});
+  return WriteConfig(file);
 }
 
 }  // namespace volalign

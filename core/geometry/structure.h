@@ -3,9 +3,11 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <string>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {
@@ -14,7 +16,14 @@ namespace volalign {
 enum class Face { kFront, kBack, kUp, kDown, kRight, kLeft };  // +x -x +y -y +z -z
 inline constexpr std::array<Face, 6> kFaces = {Face::kFront, Face::kBack,  Face::kUp,
                                                Face::kDown,  Face::kRight, Face::kLeft};
-const char* FaceName(Face face);
+constexpr Words<Face, 6> WordsOf(Face) {
+  return {{{"front", Face::kFront},
+           {"back", Face::kBack},
+           {"up", Face::kUp},
+           {"down", Face::kDown},
+           {"right", Face::kRight},
+           {"left", Face::kLeft}}};
+}
 Eigen::Vector3d FaceNormal(Face face);
 
 /// Boxes whose gap is smaller, m, cover each other.
@@ -60,6 +69,9 @@ struct Side {
 
 /// Which point of a side stands for it: its centre (the paper), or its exposed part's centroid.
 enum class KeypointKind { kCentre, kExposed };
+constexpr Words<KeypointKind, 2> WordsOf(KeypointKind) {
+  return {{{"centre", KeypointKind::kCentre}, {"exposed", KeypointKind::kExposed}}};
+}
 
 /// A stack of boxes with labelled sides. Immutable after construction; cheap to copy.
 class Structure {
@@ -108,9 +120,14 @@ class Structure {
   int num_classes_ = 1;
 };
 
-/// Reads a YAML of boxes (configs/structure.yaml: millimetres, `boxes`, optional `labels`, `name`;
+/// Reads a .yaml of boxes (configs/structure.yaml: millimetres, `boxes`, optional `labels`, `name`;
 /// a box has x, y, z as [min, max] and optionally `yaw_deg` about the vertical through its centre).
-/// Throws IoError or ConfigError, also for a stack with an impossible StackFault (stack_faults.h).
-Structure ReadStructureYaml(const std::string& path);
+/// Throws IoError or ConfigError, also for a stack with an impossible StackFault (stack_faults.h),
+/// and for a file of another ending.
+Structure ReadStructure(const std::filesystem::path& path);
+
+/// The text that ReadStructure reads as the same structure, to 1 nm. Throws DataError for a box
+/// that leans.
+std::string StructureYaml(const Structure& structure);
 
 }  // namespace volalign

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/json/strict_json.h"
@@ -202,14 +203,7 @@ template <class T>
 void EnumFromJson(const nlohmann::json& json, const std::string& place, T* value) {
   std::string text;
   ReadJsonValue(json, place, &text);
-  std::vector<std::string> known;
-  for (const T candidate : AllOf(T())) {
-    known.emplace_back(ToString(candidate));
-    if (known.back() != text) continue;
-    *value = candidate;
-    return;
-  }
-  FailNotOneOf(text, known, place);
+  if (!FromWord(text, value)) FailNotOneOf(text, WordsOfAll<T>(), place);
 }
 
 }  // namespace json_internal

@@ -9,34 +9,15 @@
 
 namespace volalign {
 
-const char* ToString(Normalization normalization) {
-  constexpr const char* kWords[] = {"none", "batch", "group"};
-  return kWords[static_cast<int>(normalization)];
-}
-
-const char* ToString(InputEncoding input) {
-  return input == InputEncoding::kDepth ? "depth" : "depth_mask";
-}
-
-std::vector<Normalization> AllOf(Normalization) {
-  return {Normalization::kNone, Normalization::kBatch, Normalization::kGroup};
-}
-
-std::vector<InputEncoding> AllOf(InputEncoding) {
-  return {InputEncoding::kDepth, InputEncoding::kDepthMask};
-}
-
 Normalization ParseNormalization(const std::string& word) {
-  for (Normalization n : AllOf(Normalization())) {
-    if (word == ToString(n)) return n;
-  }
+  Normalization normalization{};
+  if (FromWord(word, &normalization)) return normalization;
   throw ConfigError(fmt::format("normalization = '{}' is unknown: use none, batch or group", word));
 }
 
 InputEncoding ParseInputEncoding(const std::string& word) {
-  for (InputEncoding i : AllOf(InputEncoding())) {
-    if (word == ToString(i)) return i;
-  }
+  InputEncoding input{};
+  if (FromWord(word, &input)) return input;
   throw ConfigError(fmt::format("input = '{}' is unknown: use depth or depth_mask", word));
 }
 

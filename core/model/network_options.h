@@ -1,19 +1,24 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
+#include "core/config/config_word.h"
 #include "core/model/normalization.h"
 
 namespace volalign {
 
 enum class InputEncoding { kDepth, kDepthMask };
 
-/// "none", "batch", "group"; "depth", "depth_mask". Parsing throws ConfigError for other words.
-const char* ToString(Normalization normalization);
-const char* ToString(InputEncoding input);
-std::vector<Normalization> AllOf(Normalization);
-std::vector<InputEncoding> AllOf(InputEncoding);
+constexpr Words<Normalization, 3> WordsOf(Normalization) {
+  return {{{"none", Normalization::kNone},
+           {"batch", Normalization::kBatch},
+           {"group", Normalization::kGroup}}};
+}
+constexpr Words<InputEncoding, 2> WordsOf(InputEncoding) {
+  return {{{"depth", InputEncoding::kDepth}, {"depth_mask", InputEncoding::kDepthMask}}};
+}
+
+/// Throw ConfigError for other words.
 Normalization ParseNormalization(const std::string& word);
 InputEncoding ParseInputEncoding(const std::string& word);
 

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   }
   try {
     const CalibrationResult result =
-        Calibrate({{"", ReadCapture(argv[1]).sensors}}, ReadStructureYaml(argv[2]), nullptr);
+        Calibrate({{"", ReadCapture(argv[1]).sensors}}, ReadStructure(argv[2]), nullptr);
     std::cout << std::setprecision(17);
     for (const FrameResult& sensor : result.sensors) {
       std::cout << sensor.name << ": " << ToString(sensor.status) << " " << sensor.reason << "\n";

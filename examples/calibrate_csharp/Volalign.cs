@@ -73,7 +73,7 @@ public sealed class Calibration : IDisposable
 
     private IntPtr capture, model, result;
 
-    /// <param name="structure">the stack's file, .yaml or .glb</param>
+    /// <param name="structure">the stack's file, .yaml</param>
     /// <param name="onnx">a network, or null: poses from the shape of the stack alone</param>
     public Calibration(string structure, string onnx)
     {

@@ -14,8 +14,8 @@
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/base/text.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/procrustes.h"
+#include "core/geometry/structure.h"
 #include "infer/capture/capture.h"
 #include "render/depth_renderer.h"
 

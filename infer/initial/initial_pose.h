@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "core/config/config.h"
-#include "core/config/config_word.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/agreement.h"
@@ -16,32 +15,33 @@ namespace volalign {
 
 /// Where initial poses come from.
 enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
-inline constexpr Words<PoseMethod, 4> kPoseMethodWords = {{{"auto", PoseMethod::kAuto},
-                                                           {"network", PoseMethod::kNetwork},
-                                                           {"geometry", PoseMethod::kGeometry},
-                                                           {"paper", PoseMethod::kPaper}}};
+constexpr Words<PoseMethod, 4> WordsOf(PoseMethod) {
+  return {{{"auto", PoseMethod::kAuto},
+           {"network", PoseMethod::kNetwork},
+           {"geometry", PoseMethod::kGeometry},
+           {"paper", PoseMethod::kPaper}}};
+}
 
 struct InitialPoseOptions {
   PoseMethod method = PoseMethod::kAuto;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    DescribeWord(
-        ar, "method", method, kPoseMethodWords,
-        "what initial poses come from: network (its labels), geometry (the structure's "
-        "shape alone, which needs no model), auto (both propose where there is a model, "
-        "and one verification chooses), or paper: the median of the pixels of each side "
-        "that the network found against the centre of what no other box covers of it, "
-        "Procrustes over all visible sides",
-        Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
-                std::vector<std::string>{"0"}),
-        Removed("keypoints",
-                "a side's point is the centroid of the area that no other box covers; "
-                "leave the key out",
-                std::vector<std::string>{"exposed"}),
-        Fixed("max_keypoint_error_m", 0.2), Fixed("max_normal_error_deg", 30),
-        Fixed("patch.min_confidence", kLeastConfidence),
-        Fixed("patch.min_pixels", kFewestSidePixels));
+    ar("method", method,
+       "what initial poses come from: network (its labels), geometry (the structure's "
+       "shape alone, which needs no model), auto (both propose where there is a model, "
+       "and one verification chooses), or paper: the median of the pixels of each side "
+       "that the network found against the centre of what no other box covers of it, "
+       "Procrustes over all visible sides",
+       Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
+               std::vector<std::string>{"0"}),
+       Removed("keypoints",
+               "a side's point is the centroid of the area that no other box covers; "
+               "leave the key out",
+               std::vector<std::string>{"exposed"}),
+       Fixed("max_keypoint_error_m", 0.2), Fixed("max_normal_error_deg", 30),
+       Fixed("patch.min_confidence", kLeastConfidence),
+       Fixed("patch.min_pixels", kFewestSidePixels));
   }
 };
 

@@ -17,10 +17,6 @@ namespace {
 /// over.
 constexpr double kTurnedOver = 0.5;
 
-constexpr Words<PoseSource, 3> kSources = {{{"network", PoseSource::kNetwork},
-                                            {"geometry", PoseSource::kGeometry},
-                                            {"neighbours", PoseSource::kNeighbours}}};
-
 /// The frame and each trial's labels with fewer rays.
 struct DecimatedTrials {
   SensorView view;
@@ -84,10 +80,6 @@ double ByAllLabels(const ViewExplanation& view) {
 }
 
 }  // namespace
-
-const char* ToString(PoseSource source) { return WordOf(kSources, source); }
-
-std::vector<PoseSource> AllOf(PoseSource) { return ValuesOf(kSources); }
 
 bool TurnsOver(const Pose& from, const Pose& to) {
   return (to * from.inverse()).linear()(1, 1) < kTurnedOver;

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/aliases.h"
@@ -22,8 +23,11 @@ struct PoseTrial {
 /// What an initial pose comes from: the network's labels, the structure's geometry, or the other
 /// sensors.
 enum class PoseSource { kNetwork, kGeometry, kNeighbours };
-const char* ToString(PoseSource source);  ///< "network", "geometry", "neighbours"
-std::vector<PoseSource> AllOf(PoseSource);
+constexpr Words<PoseSource, 3> WordsOf(PoseSource) {
+  return {{{"network", PoseSource::kNetwork},
+           {"geometry", PoseSource::kGeometry},
+           {"neighbours", PoseSource::kNeighbours}}};
+}
 
 /// A pose that competes, and what speaks for it: natural logarithms of the odds that a pose is
 /// right rather than wrong (infer/depth/share_odds.h).

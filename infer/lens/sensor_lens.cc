@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/config/config_word.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/sensor_kind.h"
 
@@ -26,11 +25,6 @@ constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
 /// One that is unknown, where no plane looks bent: most sensors whose capture gives no distortion
 /// rectify their images.
 constexpr Sigmas kNoBend = {0.01, 0.015, 0.02};
-
-constexpr Words<LensSource, 4> kSources = {{{"given", LensSource::kGiven},
-                                            {"kind", LensSource::kKind},
-                                            {"recognised", LensSource::kRecognised},
-                                            {"estimated", LensSource::kEstimated}}};
 
 constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image
 
@@ -65,10 +59,6 @@ bool SaidAlike(const SensorFrame& a, const SensorFrame& b) {
 }
 
 }  // namespace
-
-const char* ToString(LensSource source) { return WordOf(kSources, source); }
-
-std::vector<LensSource> AllOf(LensSource) { return ValuesOf(kSources); }
 
 Intrinsics WithLensChange(Intrinsics intrinsics, const LensChange& change) {
   intrinsics.fx *= std::exp(change[0]);

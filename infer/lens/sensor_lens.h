@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/base/odds.h"
+#include "core/config/config_word.h"
 #include "core/geometry/camera.h"
 #include "infer/view/frames.h"
 #include "infer/view/sensor_view.h"
@@ -35,8 +36,12 @@ Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
 /// Where a lens comes from: the capture; what sensors of its kind have; planes, which show that it
 /// is like that of a known kind; or an estimate of the capture's own.
 enum class LensSource { kGiven, kKind, kRecognised, kEstimated };
-const char* ToString(LensSource source);  ///< "given", "kind", "recognised", "estimated"
-std::vector<LensSource> AllOf(LensSource);
+constexpr Words<LensSource, 4> WordsOf(LensSource) {
+  return {{{"given", LensSource::kGiven},
+           {"kind", LensSource::kKind},
+           {"recognised", LensSource::kRecognised},
+           {"estimated", LensSource::kEstimated}}};
+}
 
 /// What is known about a lens before anything is measured.
 struct LensPrior {

@@ -6,8 +6,8 @@
 #include <cstddef>
 
 #include "core/base/input_file.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/lens.h"
+#include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
 #include "infer/initial/sides_fix_pose.h"
 #include "infer/plan/planned_frame.h"

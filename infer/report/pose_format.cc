@@ -130,8 +130,8 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
                                    const WorldChoice& choice) {
   const std::string fixed = FixedUp(format);
   if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
-    throw ConfigError(fmt::format("--up {}: in files of {}, {} is up", choice.up,
-                                  WordOf(kPoseFormatWords, format), fixed));
+    throw ConfigError(
+        fmt::format("--up {}: in files of {}, {} is up", choice.up, ToString(format), fixed));
   }
   const std::string up = fixed.empty() ? choice.up : fixed;
   FileFrame frame{"", choice.origin, choice.colour};
@@ -236,7 +236,7 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
   for (const SensorPose& pose : poses) {
     if (needs && !pose.intrinsics)
       throw ConfigError(fmt::format("{} needs intrinsics, and those of \"{}\" are not known",
-                                    WordOf(kPoseFormatWords, format), pose.name));
+                                    ToString(format), pose.name));
     if ((format == PoseFormat::kVolumetricCapture || IsLivescan(format)) &&
         (pose.name.empty() || pose.name.find('/') != std::string::npos || pose.name[0] == '.'))
       throw ConfigError(fmt::format("\"{}\" is no name of a file", pose.name));
@@ -266,12 +266,10 @@ bool IsFolder(PoseFormat format) {
 }
 
 PoseFormat ParsePoseFormat(const std::string& word) {
-  std::vector<std::string> words;
-  for (const auto& [known, format] : kPoseFormatWords) {
-    if (word == known) return format;
-    words.emplace_back(known);
-  }
-  throw ConfigError(fmt::format("\"{}\" is no format; known are {}", word, fmt::join(words, ", ")));
+  PoseFormat format{};
+  if (FromWord(word, &format)) return format;
+  throw ConfigError(fmt::format("\"{}\" is no format; known are {}", word,
+                                fmt::join(WordsOfAll<PoseFormat>(), ", ")));
 }
 
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
@@ -299,9 +297,8 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
         "only `volalign calibrate` writes an extrinsics.json; --to poses has the "
         "poses and intrinsics alone");
   if (choice.colour && IsLivescan(format)) {
-    throw ConfigError(
-        fmt::format("--camera colour: {} says by itself which camera its poses are of",
-                    WordOf(kPoseFormatWords, format)));
+    throw ConfigError(fmt::format(
+        "--camera colour: {} says by itself which camera its poses are of", ToString(format)));
   }
   std::set<std::string> names;
   for (const SensorPose& pose : poses) {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "infer/formats/poses/sensor_pose.h"
 
 namespace volalign {
@@ -29,21 +30,22 @@ enum class PoseFormat {
   kTum,
   kCsv
 };
-inline constexpr std::array<std::pair<const char*, PoseFormat>, 14> kPoseFormatWords = {
-    {{"volalign", PoseFormat::kVolalign},
-     {"poses", PoseFormat::kPoses},
-     {"open3d", PoseFormat::kOpen3d},
-     {"open3d_log", PoseFormat::kOpen3dLog},
-     {"colmap", PoseFormat::kColmap},
-     {"opencv", PoseFormat::kOpencv},
-     {"ros", PoseFormat::kRos},
-     {"unity", PoseFormat::kUnity},
-     {"volumetric_capture", PoseFormat::kVolumetricCapture},
-     {"livescan3d_kinect_v2", PoseFormat::kLivescanKinectV2},
-     {"livescan3d_azure", PoseFormat::kLivescanAzure},
-     {"cwipc", PoseFormat::kCwipc},
-     {"tum", PoseFormat::kTum},
-     {"csv", PoseFormat::kCsv}}};
+constexpr Words<PoseFormat, 14> WordsOf(PoseFormat) {
+  return {{{"volalign", PoseFormat::kVolalign},
+           {"poses", PoseFormat::kPoses},
+           {"open3d", PoseFormat::kOpen3d},
+           {"open3d_log", PoseFormat::kOpen3dLog},
+           {"colmap", PoseFormat::kColmap},
+           {"opencv", PoseFormat::kOpencv},
+           {"ros", PoseFormat::kRos},
+           {"unity", PoseFormat::kUnity},
+           {"volumetric_capture", PoseFormat::kVolumetricCapture},
+           {"livescan3d_kinect_v2", PoseFormat::kLivescanKinectV2},
+           {"livescan3d_azure", PoseFormat::kLivescanAzure},
+           {"cwipc", PoseFormat::kCwipc},
+           {"tum", PoseFormat::kTum},
+           {"csv", PoseFormat::kCsv}}};
+}
 
 /// Colour cameras by their sensors' names. livescan3d_azure, whose points are the colour camera's,
 /// needs that of every sensor, to be read and to be written.

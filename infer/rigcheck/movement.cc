@@ -265,11 +265,6 @@ SensorMovement Compare(const PosePair& pair, const Motion& others, Movement move
 
 }  // namespace
 
-const char* ToString(Movement movement) {
-  constexpr const char* kWords[] = {"stayed", "moved", "undecided"};
-  return kWords[static_cast<int>(movement)];
-}
-
 Movements FindMovements(const std::vector<SensorEstimate>& last,
                         const std::vector<SensorEstimate>& now, const MovementOptions& options) {
   const std::vector<PosePair> pairs = PairUp(last, now);

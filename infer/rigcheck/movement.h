@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {
@@ -26,7 +27,11 @@ struct MovementOptions {
 };
 
 enum class Movement { kStayed, kMoved, kUndecided };
-const char* ToString(Movement movement);  ///< "stayed", "moved", "undecided"
+constexpr Words<Movement, 3> WordsOf(Movement) {
+  return {{{"stayed", Movement::kStayed},
+           {"moved", Movement::kMoved},
+           {"undecided", Movement::kUndecided}}};
+}
 
 /// A sensor's two poses in the last structure frame.
 struct SensorMovement {

@@ -246,17 +246,4 @@ SuggestedStack SuggestStack(const std::string& name, const std::vector<Eigen::Ve
   return suggested;
 }
 
-std::string SuggestedYaml(const SuggestedStack& suggested) {
-  std::string text =
-      "# From the floor upwards, [min, max] in millimetres; +x is the front, +y is up.\nboxes:\n";
-  for (const Box& box : suggested.structure.boxes()) {
-    const Eigen::Vector3d middle = box.structure_from_box.translation() * 1e3;
-    const Eigen::Vector3d low = middle - box.size * 500, high = middle + box.size * 500;
-    text += fmt::format(
-        "  - {{name: {}, x: [{:.10g}, {:.10g}], y: [{:.10g}, {:.10g}], z: [{:.10g}, {:.10g}]}}\n",
-        box.name, low.x(), high.x(), low.y(), high.y(), low.z(), high.z());
-  }
-  return text;
-}
-
 }  // namespace volalign

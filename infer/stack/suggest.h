@@ -42,7 +42,4 @@ SuggestedStack SuggestStack(const std::string& name, const std::vector<Eigen::Ve
 /// one of its joints, deg. Every box stands on the one before it.
 double TiltOfTower(const std::vector<Box>& boxes);
 
-/// What ReadStructureYaml reads as the same structure, from a file of its name.
-std::string SuggestedYaml(const SuggestedStack& suggested);
-
 }  // namespace volalign

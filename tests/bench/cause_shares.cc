@@ -22,7 +22,7 @@
 #include <string>
 #include <vector>
 
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/capture/capture.h"
 #include "infer/depth/explain_view.h"
 #include "infer/depth/measured_view.h"

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   const long samples = argc > 2 ? std::atol(argv[2]) : 4;
   at::set_num_threads(1);
   at::manual_seed(1);
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const TrainingLoss loss(LossConfig(), structure, at::kCPU);
   long failed = 0;
   for (long i = 1; i <= batches; ++i) {

@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/capture/capture.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/report/extrinsics.h"

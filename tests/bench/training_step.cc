@@ -64,7 +64,7 @@ int Main(int argc, char** argv) {
   const TrainConfig config = ReadTrainConfig(source);
   SetTorchThreads(config.run.threads);
   KeepFreedMemory();
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const Compute compute = ChooseCompute(config.run);
   Learner learner(config, structure.num_classes(), compute);
   const TrainingLoss loss(config.loss, structure, compute.device);

@@ -224,7 +224,7 @@ class CommandLine(InAFolder):
     def test_errors_are_one_line(self):
         for arguments, part in (("", "subcommand"), ("fly", "sub-command fly"), ("calibrate --capture", "--capture"), ("train --nproc 100000", "--nproc")):
             self.expect_error(arguments, part, "--help")
-        self.expect_error("structure show missing.glb", "missing.glb", "No such file")
+        self.expect_error("structure show missing.yaml", "missing.yaml", "No such file")
         train = "train --config configs/m05-lite.yaml -o run --set optim."
         self.expect_error(train + "lrr=1", "optim.lrr", "--set", "did you mean 'optim.lr'")
         self.expect_error(train + "lr=0", "optim.lr = 0 violates optim.lr > 0")

@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/metrics.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
@@ -65,7 +65,7 @@ CalibrationResult CalibrateFrames(const std::vector<SensorFrame>& frames,
 }
 
 CalibrationResult CalibrateWithoutAModel(const std::vector<SensorFrame>& frames) {
-  return Calibrate(std::vector<Still>{{"", frames}}, ReadStructureYaml("configs/structure.yaml"),
+  return Calibrate(std::vector<Still>{{"", frames}}, ReadStructure("configs/structure.yaml"),
                    nullptr, CalibrateOptions());
 }
 
@@ -182,7 +182,7 @@ TEST_F(EndToEnd, AFailedSensorDoesNotTakeTheOthersWithIt) {
 
 /// A network that was trained on one stack, shown others.
 TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
-  const Structure described = ReadStructureYaml("configs/structure.yaml");
+  const Structure described = ReadStructure("configs/structure.yaml");
   const auto with = [&](const std::vector<std::array<double, 4>>& footprints) {
     std::vector<Box> boxes = described.boxes();
     for (std::size_t i = 0; i < boxes.size(); ++i) {
@@ -207,9 +207,9 @@ TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
   cases.resize(Rounds(1, cases.size()));
   const TempFolder folder;
   for (const Case& c : cases) {
-    WriteStructureGlb(folder / "built.glb", c.built);
+    WriteFileAtomically(folder / "built.yaml", StructureYaml(c.built));
     Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-    rig.structure = (folder / "built.glb").string();
+    rig.structure = (folder / "built.yaml").string();
     rig.seed = 5;
     const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
     ASSERT_TRUE(result.assembly.has_value());

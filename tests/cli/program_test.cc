@@ -23,7 +23,7 @@
 #include "core/base/folder.h"
 #include "core/config/config.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "core/nn/checkpoint.h"
 #include "infer/calib/calibrate.h"
 #include "tests/cli/run_program.h"
@@ -174,7 +174,7 @@ TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   EXPECT_EQ(meta.samples, 6);
   EXPECT_EQ(meta.network.base_channels, 2);
   EXPECT_EQ(meta.image_sizes, (std::vector<std::pair<int, int>>{{40, 36}}));
-  EXPECT_EQ(meta.structure.Hash(), ReadStructureYaml("configs/structure.yaml").Hash());
+  EXPECT_EQ(meta.structure.Hash(), ReadStructure("configs/structure.yaml").Hash());
 }
 
 TEST_F(Program, ARunHoldsWhatItIsTrainedOnAndHowEachStartWasCalled) {
@@ -436,11 +436,7 @@ TEST_F(Program, BadModelsAreOneLineErrors) {
   const std::string last = "  - {name: top, ";
   yaml.insert(yaml.find(last),
               "  - {name: extra, x: [-280, 50], y: [810, 1215], z: [-165, 165]}\n");
-  WriteFileAtomically(Path("five.yaml"), yaml);
-  ASSERT_EQ(
-      Volalign("structure build " + Path("five.yaml") + " -o " + Path("capture/structure.glb"))
-          .status,
-      0);
+  WriteFileAtomically(Path("capture/structure.yaml"), yaml);
   ExpectCalibrateError(capture, {"structure"});
 }
 
@@ -456,7 +452,7 @@ void WaitForDraft(const std::string& folder) {
 
 TEST_F(Program, OneProcessAtATimeWritesAResult) {
   const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
-                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
+                                Path("capture/structure.yaml") + " --no-report -o " + Path("out");
   RunningProgram first(calibrate);
   WaitForDraft(Path("out"));
   first.Signal(SIGSTOP);
@@ -471,7 +467,7 @@ TEST_F(Program, OneProcessAtATimeWritesAResult) {
 std::vector<std::pair<std::string, std::string>> FolderCommands(const std::string& folder) {
   return {
       {"calibrated", "calibrate --capture " + folder + "/capture/capture.json --structure " +
-                         folder + "/capture/structure.glb --no-report"},
+                         folder + "/capture/structure.yaml --no-report"},
       {"converted", "convert " + folder + "/calibrated/extrinsics.json --to colmap"},
       {"rendered", "render --force --rig " + folder + "/rig.yaml"},
       {"evaluated", "evaluate --model models/m05-lite.pt --rig " + folder + "/rig.yaml --seeds 5"}};
@@ -498,7 +494,7 @@ TEST_F(Program, NoCommandWritesIntoAFolderThatAnotherOneWritesInto) {
 
 TEST_F(Program, EndsOnSignalsWithNothingHalfWritten) {
   const std::string calibrate = "calibrate --capture " + WriteSmallCapture() + " --structure " +
-                                Path("capture/structure.glb") + " --no-report -o " + Path("out");
+                                Path("capture/structure.yaml") + " --no-report -o " + Path("out");
   for (const int number : {SIGINT, SIGTERM}) {
     RunningProgram program(calibrate);
     WaitForDraft(Path("out"));

@@ -58,7 +58,7 @@ class Stopped : public testing::Test {
         "  - {name: B, sensor: realsense_d415, rho_cm: 200, phi_deg: 80}\n");
     ExpectEnds("render --rig " + In("rig.yaml") + " -o " + In("capture"));
     calibrate_ = "calibrate --capture " + In("capture/capture.json") + " --structure " +
-                 In("capture/structure.glb") + " --no-report -o ";
+                 In("capture/structure.yaml") + " --no-report -o ";
     ExpectEnds(calibrate_ + In("calibration"));
   }
   std::string In(const std::string& name) const { return (folder_ / name).string(); }

@@ -13,7 +13,6 @@
 #include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/rig.h"
 #include "core/geometry/structure.h"
 #include "core/model/checkpoint_meta.h"
@@ -95,8 +94,7 @@ const std::vector<FuzzTarget>& FuzzTargets() {
       {"mkv", [](Bytes bytes) { ReadBy(formats_internal::ReadMkvRecording, "a.mkv", bytes); }},
       {"bag", [](Bytes bytes) { ReadBy(formats_internal::ReadBagRecording, "a.bag", bytes); }},
       {"mcap", [](Bytes bytes) { ReadBy(formats_internal::ReadMcapRecording, "a.mcap", bytes); }},
-      {"glb", [](Bytes bytes) { ReadStructureGlb(FileOf("a.glb", bytes)); }},
-      {"structure", [](Bytes bytes) { ReadStructureYaml(FileOf("a.yaml", bytes).string()); }},
+      {"structure", [](Bytes bytes) { ReadStructure(FileOf("a.yaml", bytes).string()); }},
       {"capture",
        [](Bytes bytes) {
          FileOf("d.pgm", "P2\n2 2\n65535\n1000 1100 1200 0\n");

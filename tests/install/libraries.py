@@ -4,7 +4,7 @@
     tests/install/libraries.py CMAKE BUILD_FOLDER SOURCE_FOLDER CXX
 
 Installs what ./quickstart.sh builds to a new prefix, and builds examples/calibrate_in_memory against it where CMake finds no LibTorch. The
-examples that train, own_loss and own_noise, are built against it and run with their recipes.
+program with parts of its own, examples/own_program, is built against it, trains by its recipe, and does with the result what volalign does.
 """
 
 import json
@@ -103,20 +103,31 @@ class Libraries(unittest.TestCase):
                 for a, b in zip(row, other):
                     self.assertAlmostEqual(a, b, delta=1e-9, msg=name)
 
-    def test_programs_outside_the_tree_train_with_what_they_register(self):
-        for name, word in (("own_loss", "kind: \"dilated\""), ("own_noise", "model: \"quadratic\"")):
-            source = shutil.copytree(os.path.join(SOURCE, "examples", name), os.path.join(self.folder, name))
-            folder, _ = self.configure(source, without=[])
-            self.build(folder)
-            run = os.path.join(self.folder, name + "_run")
-            command = [os.path.join(folder, name), os.path.join(source, "recipe.yaml"), run]
-            elsewhere = os.path.join(self.folder, name + "_elsewhere")
-            os.mkdir(elsewhere)
-            done = subprocess.run(command, cwd=elsewhere, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
-                                  env={**os.environ, "LP_NUM_THREADS": "0"})
-            self.assertEqual(done.returncode, 0, done.stdout)
-            self.assertIn(word, text_of(os.path.join(run, "config.yaml")))
-            self.assertTrue(os.path.exists(os.path.join(run, "model.pt")), done.stdout)
+    def test_a_program_with_parts_of_its_own_is_the_whole_program(self):
+        source = shutil.copytree(os.path.join(SOURCE, "examples", "own_program"), os.path.join(self.folder, "own_program"))
+        folder, _ = self.configure(source, without=[])
+        self.build(folder)
+        empty = os.path.join(self.folder, "empty")
+        os.mkdir(empty)
+        environment = {key: value for key, value in os.environ.items() if key != "VOLALIGN_DATA_DIR"}
+
+        def run(command, *statuses):
+            done = subprocess.run([os.path.join(folder, "own_program"), *command.split()], cwd=empty, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                  text=True, check=False, env={**environment, "LP_NUM_THREADS": "0"})
+            self.assertIn(done.returncode, statuses or (0,), f"{command}: {done.stdout}")
+            return done.stdout
+
+        run(f"train --config {source}/recipe.yaml -o run --set run.samples=32")
+        recipe = text_of(os.path.join(empty, "run", "config.yaml"))
+        for word in ('kind: "dilated"', 'model: "quadratic"', 'terms: ["dice"]'):
+            self.assertIn(word, recipe)
+        run(f"train --config {source}/recipe.yaml -o run --resume")
+        self.assertIn("64", run("validate --model run/model.pt --samples 8"))
+        run("render --rig configs/rig_ring4.yaml -o capture")
+        # So short a training need not place every sensor.
+        run("calibrate --capture capture/capture.json --model run/model.pt --no-report -o result", 0, 2)
+        self.assertIn("run/model.pt", text_of(os.path.join(empty, "result", "extrinsics.json")))
+        self.assertIn("a network of kind 'dilated' cannot be exported", run("export --model run/model.pt --format onnx -o net.onnx", 1))
 
     def test_headers_need_no_flag_and_nothing_that_is_not_installed(self):
         # LibTorch's own headers are not to be had here.

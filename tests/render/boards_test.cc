@@ -35,7 +35,7 @@ bool Meets(const SceneMesh& body, const Eigen::Vector3d& origin, const Eigen::Ve
 
 class Boards : public testing::Test {
  protected:
-  Structure structure_ = ReadStructureYaml("configs/structure.yaml");
+  Structure structure_ = ReadStructure("configs/structure.yaml");
   RayTable rays_ = ComputeRays(Pinhole());
   Pose pose_ = LookAt({1.5, 0.5, 1.2}, {0, 0, 0}, 0);
 };

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "render/depth_statistics.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"

@@ -20,7 +20,7 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
   const Intrinsics k = CentredCamera(160, 90, 118);
   EglContext egl;
   GlDepthRenderer renderer;
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   SceneMesh mesh;
   mesh.BeginObject({0.9F, 1.0F, false});
   mesh.AppendQuad({Eigen::Vector3d(10, -90, -90), Eigen::Vector3d(10, 90, -90),
@@ -61,7 +61,7 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
 TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
   EglContext egl;
   GlDepthRenderer renderer;
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const CornerScene scene(structure, renderer);
   const auto& [mesh, k, pose, view] = scene;
   const double y = structure.FloorHeight();

@@ -8,7 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/noise_fields.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise_kernels.h"

@@ -17,8 +17,8 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/lens.h"
+#include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
 #include "render/capture_writer.h"
 #include "render/egl/egl_context.h"
@@ -89,7 +89,7 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
   const auto json = nlohmann::json::parse(ReadFile(dir_ / "capture.json"));
   EXPECT_EQ(json.at("format"), "volalign.capture/1");
   ASSERT_EQ(json.at("sensors").size(), 2u);
-  EXPECT_EQ(ReadStructureGlb(dir_ / json.at("structure").get<std::string>()).Hash(),
+  EXPECT_EQ(ReadStructure(dir_ / json.at("structure").get<std::string>()).Hash(),
             capture.structure.Hash());
   for (std::size_t i = 0; i < 2; ++i) {
     const auto& entry = json.at("sensors").at(i);

@@ -98,7 +98,7 @@ TEST(SceneMesh, ACapsuleLiesOnTheSurfaceAboutItsAxis) {
 }
 
 TEST(SceneMesh, AStructureHasItsSidesAndAnObjectForEachBox) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   SceneMesh mesh;
   mesh.BeginObject({});
   mesh.AppendBox(Pose::Identity(), {1, 1, 1});

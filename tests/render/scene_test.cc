@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/random.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "render/pose_sampler.h"
 
 namespace volalign::scene_test {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 

@@ -122,7 +122,7 @@ class StartFromTest : public testing::Test {
     weights_ = trained.flat.parameters().clone();
   }
 
-  Structure structure_ = ReadStructureYaml("configs/structure.yaml");
+  Structure structure_ = ReadStructure("configs/structure.yaml");
   TempFolder folder_;
   std::string path_ = (folder_ / "model.pt").string();
   at::Tensor weights_;

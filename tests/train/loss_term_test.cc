@@ -23,7 +23,7 @@ class Classes : public LossTerm {
 };
 
 TEST(LossTerm, IsMadeByTheFactoryOfItsName) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   ExpectError<ConfigError>([&] { MakeLossTerm("classes", structure, at::kCPU); },
                            {"loss.terms", "'classes'"});
   RegisterLossTerm("classes", [](const Structure& of, const at::Device& device) {

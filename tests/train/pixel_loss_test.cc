@@ -46,7 +46,7 @@ TEST(PixelTerms, RefuseWrongInput) {
 
 /// A small share of what tests/bench/loss_soak.cc does with a million.
 TEST(TrainingLoss, IsFiniteWithItsGradientForHardBatches) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   LossConfig config;
   config.keypoints = "exposed";
   const TrainingLoss loss(config, structure, at::kCPU);

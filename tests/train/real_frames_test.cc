@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 constexpr float kWall = 4;  // m, behind the structure
 
 const Structure& Boxes() {
-  static const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  static const Structure structure = ReadStructure("configs/structure.yaml");
   return structure;
 }
 

@@ -8,7 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
@@ -62,8 +62,7 @@ TEST_F(RunInputs, OfSamplesFromElsewhereHaveTheirStructure) {
   const Structure one =
       Structure::FromBoxes("one", {Box::FromMinMax("box", {-0.2, -0.4, -0.2}, {0.2, 0, 0.2})});
   KeepInputs(run_, config_, one);
-  EXPECT_FALSE(fs::exists(run_ / "structure.yaml"));
-  EXPECT_EQ(ReadStructure(run_ / "structure.glb").Hash(), one.Hash());
+  EXPECT_EQ(ReadStructure(run_ / "structure.yaml").Hash(), one.Hash());
 }
 
 TEST_F(RunInputs, OfOtherContentAreRefusedByName) {

@@ -283,7 +283,7 @@ TEST(SoftProcrustesLoss, GradientAgreesForSpecialConfigurations) {
 }
 
 TEST(SoftProcrustesLoss, DegenerateSamplesAddNothingAndAreCounted) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const at::Tensor centres = StructureKeypoints(structure, KeypointKind::kCentre).to(at::kDouble);
   const auto label = [&](const std::string& name) {
     const std::vector<std::string> names = structure.SideNames();
@@ -313,7 +313,7 @@ TEST(SoftProcrustesLoss, DegenerateSamplesAddNothingAndAreCounted) {
 }
 
 TEST(SoftProcrustesLoss, IsZeroWithFiniteGradientAtThePerfectAnswer) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   for (const auto kind : {KeypointKind::kCentre, KeypointKind::kExposed}) {
     const at::Tensor targets = StructureKeypoints(structure, kind).to(at::kDouble);
     const at::Tensor rotation = FromEigen(RandomRotation())[0];

@@ -71,7 +71,7 @@ class SyntheticSource : public SampleSource {
 inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period,
                                   const BatchSlice& slice = {}) {
   TrainingData data;
-  data.structure = ReadStructureYaml("configs/structure.yaml");
+  data.structure = ReadStructure("configs/structure.yaml");
   const auto open = [structure = data.structure, batch_size, size, period, slice](
                         std::uint64_t seed, std::int64_t first) {
     return std::make_unique<SyntheticSource>(structure, seed, static_cast<std::uint64_t>(first),

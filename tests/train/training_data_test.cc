@@ -40,7 +40,7 @@ void ExpectSame(const std::vector<Sample>& a, const std::vector<Sample>& b) {
 TEST(OpenTrainingData, SamplesDependOnSeedAndNumberAlone) {
   TrainConfig config = SmallRecipe();
   const TrainingData data = OpenTrainingData(config);
-  EXPECT_EQ(data.structure.Hash(), ReadStructureYaml("configs/structure.yaml").Hash());
+  EXPECT_EQ(data.structure.Hash(), ReadStructure("configs/structure.yaml").Hash());
   EXPECT_EQ(data.identity, "");
   const auto from_start = data.open_training(0);
   const std::vector<Sample> first = from_start->Next(), second = from_start->Next();

@@ -56,7 +56,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
 
 // As the paper and the Procrustes term take them: no pixel weighs more for being far away.
 TEST(FindKeypoints, ArePlainMeansOfTheSidesPoints) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   Sample sample;
   sample.intrinsics = {160, 144, 100, 100, 80, 72, {}};
   sample.structure_from_sensor = LookAt({1.5, 0.4, 1.5}, {-0.1, 0, 0}, M_PI / 2);

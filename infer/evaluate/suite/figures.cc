@@ -13,7 +13,7 @@
 
 #include "core/base/error.h"
 #include "core/formats/image_io.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
 #include "core/plot/picture.h"
 #include "core/plot/picture_text.h"

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/rig.h"
+#include "core/geometry/structure.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/suite_items.h"
 

@@ -44,9 +44,9 @@ struct NamedStage {
 };
 std::vector<NamedStage> StagesOf(const SuiteStill& still, const MethodResult& result) {
   std::vector<NamedStage> stages;
-  for (const auto& [word, stage] : kPoseStageWords) {
+  for (const PoseStage stage : AllOf(PoseStage())) {
     if (const FramePoses* poses = PosesAt(stage, result))
-      stages.push_back({word, poses, ViewsAt(stage, still, result)});
+      stages.push_back({ToString(stage), poses, ViewsAt(stage, still, result)});
   }
   return stages;
 }

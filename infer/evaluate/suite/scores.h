@@ -29,7 +29,7 @@ struct ViewScores {
 };
 
 struct StageScores {
-  std::string stage;  ///< a word of kPoseStageWords
+  std::string stage;  ///< of a PoseStage
   std::optional<double> d1_m, d2_m;
 };
 

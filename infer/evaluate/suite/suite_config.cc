@@ -71,9 +71,6 @@ bool IsApplicable(const SuiteMethod& method, const std::string& dataset) {
                                               dataset) != method.datasets.end();
 }
 
-const char* WordOf(PoseStage stage) { return WordOf(kPoseStageWords, stage); }
-const char* WordOf(SuiteMetric metric) { return WordOf(kSuiteMetricWords, metric); }
-
 SuiteConfig ReadSuite(const std::string& path) {
   SuiteConfig suite = ReadConfig<SuiteConfig>(ConfigSource::FromFile(path));
   CheckNames(suite);

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "core/config/config.h"
-#include "core/config/config_word.h"
 #include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/graph_icp.h"
 #include "render/infrared.h"
@@ -14,35 +13,34 @@
 namespace volalign {
 
 enum class MethodKind { kNetwork, kMarkers, kVolalign };
-inline constexpr std::array<std::pair<const char*, MethodKind>, 3> kMethodKindWords = {
-    {{"network", MethodKind::kNetwork},
-     {"markers", MethodKind::kMarkers},
-     {"volalign", MethodKind::kVolalign}}};
+constexpr Words<MethodKind, 3> WordsOf(MethodKind) {
+  return {{{"network", MethodKind::kNetwork},
+           {"markers", MethodKind::kMarkers},
+           {"volalign", MethodKind::kVolalign}}};
+}
 
 /// Which poses of a method: its initial ones, those that the paper's refinement makes of them,
 /// those that volalign's does, or these with each sensor's depth corrected by the gain and the
 /// offset that were estimated with its pose.
 enum class PoseStage { kInitial, kGraph, kStatistical, kCorrected };
-inline constexpr std::array<std::pair<const char*, PoseStage>, 4> kPoseStageWords = {
-    {{"initial", PoseStage::kInitial},
-     {"graph", PoseStage::kGraph},
-     {"statistical", PoseStage::kStatistical},
-     {"corrected", PoseStage::kCorrected}}};
+constexpr Words<PoseStage, 4> WordsOf(PoseStage) {
+  return {{{"initial", PoseStage::kInitial},
+           {"graph", PoseStage::kGraph},
+           {"statistical", PoseStage::kStatistical},
+           {"corrected", PoseStage::kCorrected}}};
+}
 
 /// Of a view but for the last two, which are of a capture (suite/metrics.h).
 enum class SuiteMetric { kMiouAuthors, kMiou, kMiouAuthorsAll, kRmse, kRmseVisible, kD1, kD2 };
-inline constexpr std::array<std::pair<const char*, SuiteMetric>, 7> kSuiteMetricWords = {
-    {{"miou_authors", SuiteMetric::kMiouAuthors},
-     {"miou", SuiteMetric::kMiou},
-     {"miou_authors_all", SuiteMetric::kMiouAuthorsAll},
-     {"rmse", SuiteMetric::kRmse},
-     {"rmse_visible", SuiteMetric::kRmseVisible},
-     {"d1", SuiteMetric::kD1},
-     {"d2", SuiteMetric::kD2}}};
-
-/// The words of a config file.
-const char* WordOf(PoseStage stage);
-const char* WordOf(SuiteMetric metric);
+constexpr Words<SuiteMetric, 7> WordsOf(SuiteMetric) {
+  return {{{"miou_authors", SuiteMetric::kMiouAuthors},
+           {"miou", SuiteMetric::kMiou},
+           {"miou_authors_all", SuiteMetric::kMiouAuthorsAll},
+           {"rmse", SuiteMetric::kRmse},
+           {"rmse_visible", SuiteMetric::kRmseVisible},
+           {"d1", SuiteMetric::kD1},
+           {"d2", SuiteMetric::kD2}}};
+}
 
 /// Captures of one kind. Files are relative to the suite's own.
 struct SuiteDataset {
@@ -72,12 +70,11 @@ struct SuiteMethod {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("name", name, "unique; rows of tables name it");
-    DescribeWord(
-        ar, "kind", kind, kMethodKindWords,
-        "network: the paper's poses (medians of labelled pixels, Procrustes) from the labels of a "
-        "model; markers: ArUco markers in infrared pictures; volalign: all of volalign's "
-        "calibration "
-        "with a model");
+    ar("kind", kind,
+       "network: the paper's poses (medians of labelled pixels, Procrustes) from the labels of a "
+       "model; markers: ArUco markers in infrared pictures; volalign: all of volalign's "
+       "calibration "
+       "with a model");
     ar("model", model, "checkpoint; where it does not exist, its rows say so");
     ar("statistical", statistical,
        "network and markers: refine by volalign's joint refinement too, not only by the paper's");
@@ -96,9 +93,9 @@ struct SuiteBlock {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("title", title, "heading");
-    DescribeWord(ar, "metric", metric, kSuiteMetricWords,
-                 "of a view: miou_authors, miou, miou_authors_all, rmse, rmse_visible; of a "
-                 "capture: d1, d2");
+    ar("metric", metric,
+       "of a view: miou_authors, miou, miou_authors_all, rmse, rmse_visible; of a "
+       "capture: d1, d2");
     ar("datasets", datasets, "names; their views or captures are taken together");
   }
 };
@@ -113,11 +110,10 @@ struct SuiteRow {
   void Describe(Archive& ar) {
     ar("label", label, "as the paper has it");
     ar("method", method, "name of a method");
-    DescribeWord(
-        ar, "stage", stage, kPoseStageWords,
-        "initial: the initial poses; graph: refined as the paper does; statistical: refined by "
-        "volalign; corrected: the same, with each sensor's depth corrected as that refinement "
-        "found");
+    ar("stage", stage,
+       "initial: the initial poses; graph: refined as the paper does; statistical: refined by "
+       "volalign; corrected: the same, with each sensor's depth corrected as that refinement "
+       "found");
     ar("paper", paper,
        "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block; "
        "empty: "
@@ -145,10 +141,11 @@ struct SuiteTable {
 /// labels: predicted labels over depth, a column for each view; attention: the network's attention
 /// over depth, likewise; clouds: points coloured by their distance to the structure.
 enum class FigureKind { kLabels, kAttention, kClouds };
-inline constexpr std::array<std::pair<const char*, FigureKind>, 3> kFigureKindWords = {
-    {{"labels", FigureKind::kLabels},
-     {"attention", FigureKind::kAttention},
-     {"clouds", FigureKind::kClouds}}};
+constexpr Words<FigureKind, 3> WordsOf(FigureKind) {
+  return {{{"labels", FigureKind::kLabels},
+           {"attention", FigureKind::kAttention},
+           {"clouds", FigureKind::kClouds}}};
+}
 
 /// A picture with a row for each method.
 struct SuiteFigure {
@@ -161,14 +158,14 @@ struct SuiteFigure {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("name", name, "unique; names the file");
-    DescribeWord(ar, "kind", kind, kFigureKindWords,
-                 "labels: predicted labels over depth, a column for each view; attention: the "
-                 "network's attention over depth, likewise, yellow 1 and violet 0, of the methods "
-                 "that have it; clouds: aligned "
-                 "points from two sides, violet on the structure's surface, yellow 5 cm off");
+    ar("kind", kind,
+       "labels: predicted labels over depth, a column for each view; attention: the "
+       "network's attention over depth, likewise, yellow 1 and violet 0, of the methods "
+       "that have it; clouds: aligned "
+       "points from two sides, violet on the structure's surface, yellow 5 cm off");
     ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
     ar("methods", methods, "a row for each");
-    DescribeWord(ar, "stage", stage, kPoseStageWords, "of clouds: which poses");
+    ar("stage", stage, "of clouds: which poses");
   }
 };
 

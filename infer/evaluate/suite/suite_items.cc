@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "core/config/config.h"
-#include "core/formats/structure_gltf.h"
+#include "core/geometry/structure.h"
 #include "infer/evaluate/suite/markers.h"
 #include "infer/view/sensor_view.h"
 #include "render/rig.h"

@@ -46,7 +46,7 @@ std::vector<StageOfCapture> Select(const SuiteRow& row, const SuiteBlock& block,
     for (const CaptureScores& capture : scores) {
       if (capture.dataset != dataset || capture.method != row.method) continue;
       for (std::size_t s = 0; s < capture.stages.size(); ++s) {
-        if (capture.stages[s].stage == WordOf(row.stage)) selected.push_back({&capture, s});
+        if (capture.stages[s].stage == ToString(row.stage)) selected.push_back({&capture, s});
       }
     }
   }

@@ -132,7 +132,7 @@ std::string FormatCsv(const TableData& data) {
         return present ? fmt::format("{}", value) : std::string();
       };
       text += fmt::format("{},{},{},{},{},{},", CsvQuoted(row.row.label), row.row.method,
-                          WordOf(row.row.stage), CsvQuoted(block.title), WordOf(block.metric),
+                          ToString(row.row.stage), CsvQuoted(block.title), ToString(block.metric),
                           cell.values.size());
       text += fmt::format("{},{},{},{},{},{},", number(any, cell.column.mean),
                           number(any, cell.column.std), number(any, cell.column.rsd),
@@ -186,7 +186,7 @@ template <class Archive>
 void Describe(Archive& ar, TableRowData& row) {
   ar("label", row.row.label);
   ar("method", row.row.method);
-  std::string stage = WordOf(row.row.stage);
+  std::string stage = ToString(row.row.stage);
   ar("stage", stage);
   ar("paper", row.row.paper);
   ar("has_model", row.has_model);

@@ -9,8 +9,11 @@ def test_reads_writes_and_describes(tmp_path):
     assert (len(structure.boxes), structure.num_classes) == (4, 21)
     assert len(structure.side_names) == 20
     assert structure.side_centres.shape == (20, 3)
+    structure.save(tmp_path / "structure.yaml")
+    assert volalign.Structure.load(tmp_path / "structure.yaml") == structure
     structure.save(tmp_path / "structure.glb")
-    assert volalign.Structure.load(tmp_path / "structure.glb") == structure
+    with pytest.raises(volalign.ConfigError, match="give the .yaml"):
+        volalign.Structure.load(tmp_path / "structure.glb")
 
 
 def test_boxes(stack):

@@ -361,6 +361,11 @@ TEST(ConfigSource, SetOverridesTheFile) {
   EXPECT_TRUE(ReadConfig<Config>(source).sensors.empty());
   source.Set("sensors[0].name=d");
   EXPECT_EQ(ReadConfig<Config>(source).sensors.at(0).name, "d");
+  source.Set("sensors=[{name: e}, {name: f, rho_cm: 3}]");
+  source.Set("train={lr: 0.5}");
+  EXPECT_EQ(ReadConfig<Config>(source).sensors.at(1).rho_cm, 3);
+  EXPECT_EQ(ReadConfig<Config>(source).train.lr, 0.5);
+  EXPECT_EQ(ReadConfig<Config>(source).train.betas, (std::array<double, 2>{0.1, 0.2}));
 }
 
 TEST(ConfigSource, OnlySomeKeys) {
@@ -394,7 +399,8 @@ TEST(ConfigSource, SetErrors) {
   expect_bad("=3", {"--set =3"});
   expect_bad("", {"--set"});
   expect_bad("train.lr=", {"--set train.lr="});
-  expect_bad("train.lr={a: 1}", {"--set train.lr={a: 1}"});
+  expect_bad("train.lr={a: 1}", {"'train.lr.a'", "(--set)"});
+  expect_bad("train.lr=~", {"--set train.lr=~", "no value"});
   expect_bad("train.betas=[1", {"--set train.betas=[1"});
   expect_bad("train.betas=[[1, 2]]", {"--set"});
   expect_bad("train.lrr=1", {"'train.lrr'", "(--set)", "'train.lr'"});

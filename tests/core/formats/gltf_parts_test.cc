@@ -3,11 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "core/base/error.h"
+#include "core/base/file_util.h"
+#include "core/base/random.h"
+#include "core/formats/structure_gltf.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -15,6 +21,7 @@ namespace volalign::gltf_parts_test {
 namespace {
 
 using Eigen::Vector3d;
+using nlohmann::json;
 
 /// What an accessor of floats shows, by the rules of glTF 2.0, section 3.6.
 template <class T>
@@ -94,7 +101,7 @@ TEST(GltfParts, SidesLieOnTheirBoxesAndFaceOutwards) {
       const auto label = static_cast<std::uint8_t>(primitive.extras.Get("label").GetNumberAsInt());
       const std::string face = primitive.extras.Get("side").Get<std::string>();
       for (const Side& side : structure.sides()) {
-        if (side.box != static_cast<int>(b) || FaceName(side.face) != face) continue;
+        if (side.box != static_cast<int>(b) || ToString(side.face) != face) continue;
         ++sides;
         EXPECT_EQ(side.label, label);
         EXPECT_LT(((corners[0] + corners[1] + corners[2] + corners[3]) / 4 - side.centre).norm(),
@@ -131,6 +138,142 @@ TEST(GltfParts, WritesABinaryFile) {
   EXPECT_EQ(head[0], 0x46546C67u);  // "glTF"
   EXPECT_EQ(head[1], 2u);
   EXPECT_EQ(head[2], bytes.size());
+}
+
+/// The two chunks of a .glb, read by the format's own definition (glTF 2.0, section 4.4).
+struct Glb {
+  json content;
+  std::string binary;
+
+  static std::uint32_t Word(const std::string& bytes, std::size_t at) {
+    std::uint32_t word = 0;
+    for (int i = 3; i >= 0; --i)
+      word = word << 8 | static_cast<unsigned char>(bytes.at(at + static_cast<std::size_t>(i)));
+    return word;
+  }
+  static Glb Parse(const std::string& bytes) {
+    Glb glb;
+    EXPECT_EQ(bytes.substr(0, 4), "glTF");
+    EXPECT_EQ(Word(bytes, 4), 2u);
+    EXPECT_EQ(Word(bytes, 8), bytes.size());
+    const std::uint32_t json_size = Word(bytes, 12);
+    EXPECT_EQ(bytes.substr(16, 4), "JSON");
+    EXPECT_EQ(json_size % 4, 0u);
+    glb.content = json::parse(bytes.substr(20, json_size));
+    const std::uint32_t binary_size = Word(bytes, 20 + json_size);
+    EXPECT_EQ(bytes.substr(24 + json_size, 4), std::string("BIN\0", 4));
+    EXPECT_EQ(binary_size % 4, 0u);
+    EXPECT_EQ(28 + json_size + binary_size, bytes.size());
+    glb.binary = bytes.substr(28 + json_size, binary_size);
+    return glb;
+  }
+  template <class T>
+  T At(const json& accessor, std::size_t element, std::size_t component,
+       std::size_t components) const {
+    const json& view = content.at("bufferViews").at(accessor.at("bufferView").get<std::size_t>());
+    T value;
+    std::memcpy(&value,
+                binary.data() + view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u) +
+                    (element * components + component) * sizeof(T),
+                sizeof(T));
+    return value;
+  }
+};
+
+/// Boxes that are thrown together.
+Structure RandomStructure() {
+  RandomStream random(8, 3, "boxes");
+  std::vector<Box> boxes;
+  for (const char* name : {"box 0", "box 1", "box 2"}) {
+    Box& box = boxes.emplace_back();
+    box.name = name;
+    box.size = {random.Uniform(0.1, 0.6), random.Uniform(0.1, 0.6), random.Uniform(0.1, 0.6)};
+    box.structure_from_box.translation() =
+        Vector3d{random.Uniform(-1, 1), random.Uniform(0, 2), random.Uniform(-1, 1)};
+    box.structure_from_box.linear() =
+        RotationExp(Vector3d{random.Normal(), random.Normal(), random.Normal()});
+  }
+  return Structure::FromBoxes("structure", boxes);
+}
+
+// One named node a box, one primitive a side, extras with side, label and
+// keypoints.
+TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
+  const TempFolder folder;
+  for (const Structure& structure : {ReadStructure("configs/structure.yaml"), RandomStructure()}) {
+    WriteStructureGlb(folder / "a.glb", structure);
+    const Glb glb = Glb::Parse(ReadFile(folder / "a.glb"));
+    const json& root = glb.content;
+    EXPECT_EQ(root.at("asset").at("version"), "2.0");
+    ASSERT_EQ(root.at("buffers").size(), 1u);
+    EXPECT_LE(root.at("buffers")[0].at("byteLength").get<std::size_t>(), glb.binary.size());
+    EXPECT_FALSE(root.at("buffers")[0].contains("uri"));
+    const json& scene = root.at("scenes").at(root.at("scene").get<std::size_t>());
+    ASSERT_EQ(scene.at("nodes").size(), structure.boxes().size());
+    std::size_t i = 0;
+    for (const json& node_index : scene.at("nodes")) {
+      const json& node = root.at("nodes").at(node_index.get<std::size_t>());
+      const Box& box = structure.boxes().at(i);
+      EXPECT_EQ(node.at("name"), box.name);
+      // The node's transform by hand: v' = v + 2 w (q x v) + 2 q x (q x v), plus the translation.
+      const auto q = node.at("rotation").get<std::vector<double>>();
+      const auto t = node.at("translation").get<std::vector<double>>();
+      const Vector3d qv(q[0], q[1], q[2]), translation(t[0], t[1], t[2]);
+      const auto transform = [&](const Vector3d& p) {
+        return Vector3d(p + 2 * q[3] * qv.cross(p) + 2 * qv.cross(qv.cross(p)) + translation);
+      };
+      const json& primitives =
+          root.at("meshes").at(node.at("mesh").get<std::size_t>()).at("primitives");
+      ASSERT_EQ(primitives.size(), 6u);
+      for (std::size_t f = 0; f < 6; ++f) {
+        const Side& side = structure.sides().at(6 * i + f);
+        const json& extras = primitives[f].at("extras");
+        EXPECT_EQ(box.name + "/" + extras.at("side").get<std::string>(), side.name);
+        EXPECT_EQ(extras.at("label").get<int>(), side.label);
+        for (int k = 0; k < 3; ++k) {
+          EXPECT_NEAR(extras.at("centre").at(static_cast<std::size_t>(k)).get<double>(),
+                      side.centre[k], 1e-9);
+          EXPECT_NEAR(extras.at("exposed_centroid").at(static_cast<std::size_t>(k)).get<double>(),
+                      side.exposed_centroid[k], 1e-9);
+        }
+        const json& position =
+            root.at("accessors")
+                .at(primitives[f].at("attributes").at("POSITION").get<std::size_t>());
+        const json& index = root.at("accessors").at(primitives[f].at("indices").get<std::size_t>());
+        EXPECT_EQ(position.at("componentType"), 5126);
+        EXPECT_EQ(position.at("type"), "VEC3");
+        ASSERT_EQ(position.at("count"), 4);
+        EXPECT_EQ(index.at("componentType"), 5123);
+        ASSERT_EQ(index.at("count"), 6);
+        // Triangles in the structure frame: area, winding (counter-clockwise from outside) and
+        // place.
+        double area = 0;
+        for (std::size_t triangle = 0; triangle < 2; ++triangle) {
+          Vector3d p[3];
+          for (std::size_t c = 0; c < 3; ++c) {
+            const auto vertex = glb.At<std::uint16_t>(index, 3 * triangle + c, 0, 1);
+            ASSERT_LT(vertex, 4);
+            Vector3d local;
+            for (std::size_t k = 0; k < 3; ++k) {
+              local[static_cast<int>(k)] = glb.At<float>(position, vertex, k, 3);
+              EXPECT_LE(local[static_cast<int>(k)], position.at("max").at(k).get<double>() + 1e-9);
+              EXPECT_GE(local[static_cast<int>(k)], position.at("min").at(k).get<double>() - 1e-9);
+            }
+            p[c] = transform(local);
+            EXPECT_LT((side.ClosestPoint(p[c]) - p[c]).norm(), 1e-6);
+          }
+          const Vector3d cross = (p[1] - p[0]).cross(p[2] - p[0]);
+          area += cross.norm() / 2;
+          EXPECT_GT(cross.normalized().dot(side.normal), 1 - 1e-6) << side.name;
+        }
+        EXPECT_NEAR(area, 4 * side.half_u * side.half_v, 1e-6) << side.name;
+      }
+      ++i;
+    }
+  }
+  ExpectError<IoError>(
+      [] { WriteStructureGlb("/proc/none/a.glb", ReadStructure("configs/structure.yaml")); },
+      {"/proc/none"});
 }
 
 }  // namespace

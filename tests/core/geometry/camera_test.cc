@@ -176,9 +176,10 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
   expect_bad("- resolution: [640, 480]\n  intrinsics: [[1, 1, 1, 1]]\n", {path});
   expect_bad("- sensor: a\n  intrinsics: [[1, 1, 1, 1]]\n", {path});
   expect_bad("- sensor: a\n  resolution: [640]\n  intrinsics: [[1, 1, 1, 1]]\n",
-             {path + ":2", "[width, height]"});
-  expect_bad("- sensor: a\n  resolution: [640, 480]\n", {path, "a has no intrinsics"});
-  expect_bad(head + "    - [600, 600, 320]\n", {path + ":4", "[fx, fy, cx, cy]"});
+             {path + ":2", "resolution = [640] has 1 values; 2 are expected"});
+  expect_bad("- sensor: a\n  resolution: [640, 480]\n", {path, "'intrinsics' is missing"});
+  expect_bad(head + "    - [600, 600, 320]\n",
+             {path + ":4", "intrinsics[0] = [600, 600, 320] has 3 values; 4"});
   expect_bad(head + "    - [600, 600, 320, 240]\n    - [600, wide, 320, 240]\n", {path + ":5"});
   expect_bad(head + "    - [0, 600, 320, 240]\n", {path + ":4", "fx = 0"});
   expect_bad(head + "    - [600, 600, 3200, 240]\n", {path + ":4", "principal point"});
@@ -189,7 +190,7 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
       "    - [600, 600, 320, 240]\n",
       {path + ":5", "2 distortion coefficients", "0, 4, 5 or 8"});
   expect_bad("- sensor: a\n  resolution: [640, 480]\n  distortion: strong\n",
-             {path + ":3", "distortion: [k1"});
+             {path + ":3", "distortion wants a list"});
   const std::string good = head + "    - [600, 600, 320, 240]\n";
   expect_bad(good + "  distorsion: [0.1]\n", {"'distorsion'", path + ":5"});
   expect_bad(good + "  resolutions: [640, 480]\n",

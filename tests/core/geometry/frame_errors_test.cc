@@ -21,7 +21,7 @@ const Side& SideNamed(const Structure& structure, const std::string& name) {
 }
 
 TEST(SeamDistance, IsToWhereSurfacesMeetAtAnInwardCorner) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const auto side = [&](const char* name) -> const Side& { return SideNamed(structure, name); };
   // The bottom box's front stands on the floor (y = -0.81).
   const Side& front = side("bottom/front");
@@ -85,7 +85,7 @@ TEST(FrameErrors, ShearIsTheShiftThatMatchesRowsThatDoNotMeet) {
 }
 
 TEST(BouncedShare, IsMostAtItsReachAndGrowsWithTheSlant) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const Side& front = SideNamed(structure, "bottom/front");
   const double floor = structure.FloorHeight();
   const auto share = [&](double height, const Eigen::Vector3d& eye) {
@@ -107,7 +107,7 @@ TEST(BouncedShare, IsMostAtItsReachAndGrowsWithTheSlant) {
 }
 
 TEST(BouncedShare, AddsWhatTheFloorAndBoxesThrow) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   // Before the front of the second box the first one rises, and is lit from above alone; the floor
   // is 40 cm below it.
   const Side& front = SideNamed(structure, "mid_bottom/front");

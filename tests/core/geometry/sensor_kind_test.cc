@@ -207,8 +207,9 @@ TEST(ParseSensorKinds, RejectsWhatIsNone) {
     ParseSensorKinds(first, "own.yaml");
     ExpectError<ConfigError>([&] { ParseSensorKinds(first + entry, "own.yaml"); }, parts);
   };
-  expect("- kind: b\n  like: a\n  erors: {white_m: 1}\n", {"erors", "own.yaml:3"});
-  expect("- kind: b\n  like: c\n", {"like = c", "own.yaml:3"});
+  expect("- kind: b\n  like: a\n  erors: {white_m: 1}\n",
+         {"unknown key 'erors.white_m'", "own.yaml:5"});
+  expect("- kind: b\n  like: c\n", {"like = c", "own.yaml:4"});
   expect("- kind: b\n  like: a\n  principle: radar\n", {"principle", "stereo"});
   expect("- kind: b\n  like: a\n  distortion: [1, 2]\n", {"distortion", "8 numbers"});
   expect("- kind: b\n  like: a\n  errors: {smooth_rad: 0}\n", {"smooth_rad"});

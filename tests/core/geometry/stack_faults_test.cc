@@ -36,7 +36,7 @@ void ExpectFault(const std::vector<Box>& boxes, bool impossible,
 }
 
 TEST(FindStackFaults, StacksThatStandHaveNone) {
-  EXPECT_TRUE(FindStackFaults(ReadStructureYaml("configs/structure.yaml")).empty());
+  EXPECT_TRUE(FindStackFaults(ReadStructure("configs/structure.yaml")).empty());
   // Measured to a few millimetres, above and below; turned; a bridge over two; side by side.
   EXPECT_TRUE(FaultsOf({kLow, MakeBox("a", {-0.2, 0.404, -0.2}, {0.2, 0.7, 0.2}, 0.4)}).empty());
   EXPECT_TRUE(FaultsOf({kLow, MakeBox("a", {-0.2, 0.396, -0.2}, {0.2, 0.7, 0.2})}).empty());
@@ -92,7 +92,7 @@ TEST(ReadStructureYaml, RefusesAStackThatCannotBe) {
   folder.Write("s.yaml",
                "boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n"
                "  - {name: b, x: [0, 500], y: [1000, 1400], z: [0, 300]}\n");
-  ExpectError<ConfigError>([&] { ReadStructureYaml((folder / "s.yaml").string()); },
+  ExpectError<ConfigError>([&] { ReadStructure((folder / "s.yaml").string()); },
                            {"s.yaml: box 'b' stands on nothing", "600 mm above box 'a'"});
 }
 

@@ -1,5 +1,6 @@
 #include "core/geometry/structure.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +23,7 @@ using Eigen::Vector3d;
 
 constexpr double kPi = 3.14159265358979323846;
 
-Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
+Structure PaperStructure() { return ReadStructure("configs/structure.yaml"); }
 
 Box UnitBox(const std::string& name, double x = 0) {
   return Box::FromMinMax(name, {x, 0, 0}, {x + 1, 1, 1});
@@ -138,7 +139,7 @@ TEST(PaperStructure, CentresNormalsAndExtents) {
   expect_centre("top/right", -115, 607.5, 390);
   for (const Side& side : structure.sides()) {
     const Box& box = structure.boxes()[static_cast<std::size_t>(side.box)];
-    EXPECT_EQ(side.name, box.name + "/" + FaceName(side.face));
+    EXPECT_EQ(side.name, box.name + "/" + ToString(side.face));
     EXPECT_LT((side.normal - FaceNormal(side.face)).norm(), 1e-12);
     EXPECT_LT((side.axis_u.cross(side.axis_v) - side.normal).norm(), 1e-12) << side.name;
     // The three extents of the box: along u, v and the normal.
@@ -195,7 +196,7 @@ TEST(Structure, YawedBoxesKeepTheirCentreAndTurn) {
                  "  - {name: a, x: [-300, 300], y: [0, 400], z: [-200, 200]}\n"
                  "  - {name: b, x: [-250, 150], y: [400, 700], z: [-100, 100], yaw_deg: 30}\n")
           .string();
-  const Structure structure = ReadStructureYaml(path);
+  const Structure structure = ReadStructure(path);
   EXPECT_EQ(structure.name(), "yawed");
   const double c = std::cos(kPi / 6), s = std::sin(kPi / 6);
   const Side& front = SideNamed(structure, "b/front");
@@ -477,7 +478,7 @@ class StructureYaml : public testing::Test {
  protected:
   Structure Read(const std::string& text) {
     folder_.Write("boxes.yaml", text);
-    return ReadStructureYaml(path_);
+    return ReadStructure(path_);
   }
   void ExpectBad(const std::string& text, std::initializer_list<std::string> parts) {
     SCOPED_TRACE(text);
@@ -504,33 +505,39 @@ TEST_F(StructureYaml, LabelsAndNameAreOptional) {
 }
 
 TEST_F(StructureYaml, RejectsBadFiles) {
-  ExpectBad("", {path_, "boxes"});
-  ExpectBad("[1, 2]", {path_, "boxes"});
-  ExpectBad("boxes: 3", {path_, "boxes"});
+  ExpectBad("", {"key 'boxes' is missing", path_});
+  ExpectBad("[1, 2]", {path_, "map"});
+  ExpectBad("boxes: 3", {path_ + ":1", "boxes wants a list of maps"});
   ExpectBad("boxes: []", {path_, "at least one box"});
   ExpectBad("boxes: [", {path_});
-  ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "colour"});
+  ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "unknown key 'colour'"});
   ExpectBad("boxes:\n" + box_ + "boxes:\n" + box_, {path_ + ":3", "twice"});
-  ExpectBad("boxes:\n  - a box\n", {path_ + ":2"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 20]}\n", {path_ + ":2", "'z'"});
-  ExpectBad("boxes:\n  - {x: [0, 10], y: [0, 20], z: [0, 30]}\n", {path_ + ":2", "'name'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [20, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 0], z: [0, 30]}\n", {path_ + ":2", "'y'"});
-  ExpectBad("boxes:\n  - {name: a, x: [0, .nan], y: [0, 10], z: [0, 30]}\n", {path_ + ":2", "'x'"});
+  ExpectBad("boxes:\n  - a box\n", {path_ + ":1", "list of maps"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 20]}\n",
+            {path_ + ":2", "'boxes[0].z' is missing"});
+  ExpectBad("boxes:\n  - {x: [0, 10], y: [0, 20], z: [0, 30]}\n",
+            {path_ + ":2", "'boxes[0].name' is missing"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [20, 0], z: [0, 30]}\n",
+            {path_ + ":2", "boxes[0].y = [20, 0] of box 'a' violates min < max"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 0], z: [0, 30]}\n",
+            {path_ + ":2", "boxes[0].y"});
+  ExpectBad("boxes:\n  - {name: a, x: [0, .nan], y: [0, 10], z: [0, 30]}\n",
+            {path_ + ":2", "boxes[0].x"});
   ExpectBad("boxes:\n  - {name: a, x: [0, .inf], y: [0, 1], z: [0, 30]}\n", {path_});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10, 20], y: [0, 1], z: [0, 30]}\n",
-            {path_ + ":2", "'x'"});
+            {path_ + ":2", "boxes[0].x = [0, 10, 20] has 3 values; 2 are expected"});
   ExpectBad("boxes:\n  - {name: a, x: [0, ten], y: [0, 1], z: [0, 30]}\n",
-            {path_ + ":2: 'x' of box 'a' has to be two numbers, [min, max]", "it is [0, ten]"});
+            {path_ + ":2", "boxes[0].x = 'ten' is not a finite number"});
   ExpectBad("boxes:\n  - name: a\n    x: [0, 10]\n    y: [0, 10]\n    z: [0 500]\n",
-            {path_ + ":5: 'z' of box 'a'", "a comma", "it is [0 500]"});
-  ExpectBad("boxes:\n  - {name: [a], x: [0, 1], y: [0, 1], z: [0, 30]}\n", {path_ + ":2: 'name'"});
+            {path_ + ":5", "boxes[0].z = [0 500]", "commas"});
+  ExpectBad("boxes:\n  - {name: [a], x: [0, 1], y: [0, 1], z: [0, 30]}\n",
+            {path_ + ":2", "boxes[0].name wants a single value"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: 20deg}\n",
-            {path_ + ":2: 'yaw_deg' of box 'a'", "it is 20deg"});
+            {path_ + ":2", "boxes[0].yaw_deg = '20deg'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw: 3}\n",
-            {path_ + ":2", "'yaw'"});
+            {path_ + ":2", "'boxes[0].yaw'", "did you mean 'boxes[0].yaw_deg'?"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: .nan}\n",
-            {path_, "'a'"});
+            {path_ + ":2", "boxes[0].yaw_deg = '.nan'"});
   ExpectBad("boxes:\n  - {name: a, x: [0, 0.5], y: [0, 0.3], z: [0, 0.4]}\n",
             {path_, "'a' is 0.5 x 0.3 x 0.4 mm", "millimetres"});
   ExpectBad(
@@ -539,13 +546,14 @@ TEST_F(StructureYaml, RejectsBadFiles) {
       {path_, "'a'", "100 m"});
   ExpectBad("name: " + std::string(300, '[') + std::string(300, ']'), {path_, "64 levels"});
   ExpectBad("boxes:\n" + box_ + box_, {path_, "two boxes are named 'a'"});
-  ExpectBad("boxes:\n" + box_ + "sides: {front: +z}\n", {path_ + ":3", "front +x"});
-  ExpectBad("boxes:\n" + box_ + "sides: {north: +x}\n", {path_ + ":3"});
+  ExpectBad("boxes:\n" + box_ + "sides: {front: +z}\n",
+            {path_ + ":3", "sides.front = +z violates sides.front in {+x}"});
+  ExpectBad("boxes:\n" + box_ + "sides: {north: +x}\n", {path_ + ":3", "'sides.north'"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 2, side: a/up}\n", {path_ + ":4", "label id 2"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/down}\n", {path_, "'a/down'"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up}\n", {path_, "has no label"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: one, side: a/up}\n",
-            {path_ + ":4: 'id' of a label"});
+            {path_ + ":4", "labels[0].id = 'one'"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up, colour: 3}\n",
             {path_ + ":4", "colour"});
   std::string many = "boxes:\n";
@@ -553,7 +561,39 @@ TEST_F(StructureYaml, RejectsBadFiles) {
     many += "  - {name: b" + std::to_string(b) + ", x: [0, 10], y: [0, 20], z: [0, 30]}\n";
   }
   ExpectBad(many, {path_, "52 boxes"});
-  ExpectError<IoError>([] { ReadStructureYaml("missing/boxes.yaml"); }, {"missing/boxes.yaml"});
+  ExpectError<IoError>([] { ReadStructure("missing/boxes.yaml"); }, {"missing/boxes.yaml"});
+  ExpectError<ConfigError>([] { ReadStructure("boxes.obj"); }, {"boxes.obj", ".yaml"});
+  ExpectError<ConfigError>([] { ReadStructure("old/structure.glb"); },
+                           {"old/structure.glb", "give the .yaml"});
+}
+
+TEST_F(StructureYaml, WritesWhatItReadsAsTheSameStructure) {
+  const Structure paper = ReadStructure("configs/structure.yaml");
+  Structure read = Read(volalign::StructureYaml(paper));
+  EXPECT_EQ(read.name(), paper.name());
+  EXPECT_EQ(read.Hash(), paper.Hash());
+  RandomStream random(8, 0, "boxes");
+  std::vector<Box> boxes;
+  for (int b = 0; b < 12; ++b) {
+    Box& box = boxes.emplace_back();
+    box.name = fmt::format("box: {}", b);
+    box.size = {random.Uniform(0.1, 0.6), 0.3, random.Uniform(0.1, 0.6)};
+    box.structure_from_box.translation() = Vector3d(random.Normal() * 0.01, 0.3 * b, 0.01);
+    box.structure_from_box.linear() = RotationExp(random.Normal() * Vector3d::UnitY());
+  }
+  const Structure turned = Structure::FromBoxes("turned # 1", boxes);
+  read = Read(volalign::StructureYaml(turned));
+  EXPECT_EQ(read.name(), "turned # 1");
+  EXPECT_EQ(read.SideNames(), turned.SideNames());
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    EXPECT_LT((read.boxes()[b].size - boxes[b].size).norm(), 2e-9);
+    EXPECT_LT(
+        (read.boxes()[b].structure_from_box.matrix() - boxes[b].structure_from_box.matrix()).norm(),
+        4e-8);
+  }
+  boxes[0].structure_from_box.linear() = RotationExp(0.01 * Vector3d::UnitX());
+  ExpectError<DataError>([&] { volalign::StructureYaml(Structure::FromBoxes("s", boxes)); },
+                         {"'box: 0' leans"});
 }
 
 }  // namespace

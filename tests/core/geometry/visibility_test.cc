@@ -17,7 +17,7 @@ using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
+Structure PaperStructure() { return ReadStructure("configs/structure.yaml"); }
 
 /// Boxes at any yaw and tilt that overlap and hang over each other.
 Structure RandomStructure(std::uint64_t index) {

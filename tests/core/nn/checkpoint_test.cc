@@ -31,7 +31,7 @@ class CheckpointTest : public testing::Test {
     meta_.network.residual_blocks = 1;
     meta_.network.normalization = Normalization::kBatch;
     meta_.network.input = InputEncoding::kDepthMask;
-    meta_.structure = ReadStructureYaml("configs/structure.yaml");
+    meta_.structure = ReadStructure("configs/structure.yaml");
     meta_.focal_px = {117.9, 126.3};
     meta_.image_sizes = {{160, 144}, {160, 90}};
     meta_.roll_offsets_deg = {90};

@@ -52,7 +52,7 @@ TEST(ExportOnnx, RunsByOtherRuntimes) {
   for (const Normalization normalization : AllOf(Normalization())) {
     for (const InputEncoding input : AllOf(InputEncoding())) {
       CheckpointMeta meta;
-      meta.structure = ReadStructureYaml("configs/structure.yaml");
+      meta.structure = ReadStructure("configs/structure.yaml");
       meta.network.base_channels = 3;
       meta.network.residual_blocks = 2;
       meta.network.normalization = normalization;

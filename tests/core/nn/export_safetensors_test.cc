@@ -17,7 +17,7 @@ namespace {
 void ExpectThatOthersReadIt(const std::string& options) {
   const TempFolder folder;
   CheckpointMeta meta;
-  meta.structure = ReadStructureYaml("configs/structure.yaml");
+  meta.structure = ReadStructure("configs/structure.yaml");
   meta.network.base_channels = 2;
   meta.network.normalization = Normalization::kBatch;
   meta.network.attention = false;  // whose bias of one element would shift what follows it

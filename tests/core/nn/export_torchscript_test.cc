@@ -36,7 +36,7 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
        {Normalization::kNone, Normalization::kBatch, Normalization::kGroup}) {
     for (const auto input : {InputEncoding::kDepth, InputEncoding::kDepthMask}) {
       CheckpointMeta meta;
-      meta.structure = ReadStructureYaml("configs/structure.yaml");
+      meta.structure = ReadStructure("configs/structure.yaml");
       meta.network.base_channels = 2;
       meta.network.residual_blocks = 2;
       meta.network.normalization = normalization;
@@ -71,7 +71,7 @@ TEST(ExportTorchScript, RunsInPython) {
   const TempFolder folder;
   c10::NoGradGuard no_grad;
   CheckpointMeta meta;
-  meta.structure = ReadStructureYaml("configs/structure.yaml");
+  meta.structure = ReadStructure("configs/structure.yaml");
   meta.network.base_channels = 2;
   meta.network.normalization = Normalization::kBatch;
   meta.network.input = InputEncoding::kDepthMask;

@@ -158,7 +158,7 @@ TEST(RealCaptures, CartonsOnATableAreFoundByTwoXtions) {
     SCOPED_TRACE(scene);
     const CalibrationResult result = Calibrate(
         std::vector<Still>{{"", ReadCapture(folder / scene / "capture.json").sensors}},
-        ReadStructureYaml((folder / scene / "boxes.yaml").string()), nullptr, CalibrateOptions());
+        ReadStructure((folder / scene / "boxes.yaml").string()), nullptr, CalibrateOptions());
     ASSERT_EQ(result.sensors.size(), 2U);
     std::vector<Pose> poses;
     for (const FrameResult& sensor : result.sensors) {

@@ -30,7 +30,7 @@ class Pictures : public testing::Test {
     sensor_.name = "S0";
   }
 
-  Structure structure_ = ReadStructureYaml("configs/structure.yaml");
+  Structure structure_ = ReadStructure("configs/structure.yaml");
   SensorOutcome sensor_;
   FramePanels panels_;
 };

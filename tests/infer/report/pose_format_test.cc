@@ -111,7 +111,7 @@ TEST_F(PosesTest, SaysWhatBecomesOfDepthCorrections) {
     }
     return std::string();
   };
-  for (const auto& [word, format] : kPoseFormatWords) {
+  for (const auto& [word, format] : WordsOf(PoseFormat())) {
     if (format == PoseFormat::kVolalign) continue;
     const std::string note = note_of(format);
     EXPECT_NE(note.find(s3), std::string::npos) << word << ": " << note;
@@ -127,7 +127,7 @@ TEST_F(PosesTest, SaysWhatBecomesOfDepthCorrections) {
 }
 
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
-  for (const auto& [word, format] : kPoseFormatWords) {
+  for (const auto& [word, format] : WordsOf(PoseFormat())) {
     if (format == PoseFormat::kVolalign) continue;
     const std::vector<SensorPose> back = ReadPoses(Written(format), format, colour_);
     ASSERT_EQ(back.size(), poses_.size()) << word;
@@ -163,7 +163,7 @@ Eigen::Vector3d ZUp(const Eigen::Vector3d& p) { return {p.x(), -p.z(), p.y()}; }
 /// Formats whose poses are of whatever camera and world they are given.
 std::vector<PoseFormat> FreeFormats() {
   std::vector<PoseFormat> formats;
-  for (const auto& [word, format] : kPoseFormatWords) {
+  for (const auto& [word, format] : WordsOf(PoseFormat())) {
     if (format != PoseFormat::kVolalign && format != PoseFormat::kRos &&
         format != PoseFormat::kUnity && format != PoseFormat::kVolumetricCapture)
       formats.push_back(format);
@@ -199,7 +199,7 @@ TEST_F(PosesTest, TheWorldIsChosen) {
       for (std::size_t i = 0; i < back.size(); ++i) {
         const Eigen::Vector3d seen = poses_[i].structure_from_sensor.inverse() * p;
         EXPECT_LT((back[i].structure_from_sensor * seen - c.expected).norm(), 1e-9)
-            << WordOf(kPoseFormatWords, format) << " " << c.origin << " " << c.up;
+            << ToString(format) << " " << c.origin << " " << c.up;
       }
       if (c.origin == "S2" && c.up.empty())
         ExpectSamePose(back[1].structure_from_sensor, Pose::Identity(), "the origin");
@@ -238,7 +238,7 @@ TEST_F(PosesTest, SaysInTheFileWhichWorldItIs) {
         PoseFormat::kTum, PoseFormat::kCsv, PoseFormat::kCwipc}) {
     EXPECT_NE(ReadFile(Written(format, world)).find("the camera of S2, x right, y down, z forward"),
               std::string::npos)
-        << WordOf(kPoseFormatWords, format);
+        << ToString(format);
   }
   world.up = "z";
   EXPECT_NE(ReadFile(Written(PoseFormat::kPoses, world))
@@ -270,8 +270,7 @@ TEST_F(PosesTest, OfTheColourCameras) {
     for (std::size_t i = 0; i < back.size(); ++i) {
       const Eigen::Vector3d seen =
           ColourFromDepth() * (poses_[i].structure_from_sensor.inverse() * p);
-      EXPECT_LT((back[i].structure_from_sensor * seen - p).norm(), 1e-9)
-          << WordOf(kPoseFormatWords, format);
+      EXPECT_LT((back[i].structure_from_sensor * seen - p).norm(), 1e-9) << ToString(format);
       if (back[i].intrinsics) {
         EXPECT_EQ(back[i].intrinsics->width, 1280);
       }
@@ -308,7 +307,7 @@ TEST_F(PosesTest, CwipcsCameraConfig) {
 // terminal.
 TEST_F(PosesTest, RefuseNamesThatForge) {
   const std::string plain = poses_[0].name;
-  for (const auto& [word, format] : kPoseFormatWords) {
+  for (const auto& [word, format] : WordsOf(PoseFormat())) {
     if (format == PoseFormat::kVolalign) continue;
     for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED", "\xff\xfe"}) {
       poses_[0].name = name;
@@ -327,7 +326,7 @@ TEST_F(PosesTest, RefuseNamesThatForge) {
     for (std::size_t at; (at = text.find("FORGED")) != std::string::npos;)
       text.replace(at, 6, name);
     WriteFileAtomically(file, text);
-    EXPECT_THROW(ReadPoses(file, format, colour_), DataError) << WordOf(kPoseFormatWords, format);
+    EXPECT_THROW(ReadPoses(file, format, colour_), DataError) << ToString(format);
   };
   for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
     expect_refused(format, "A\\n0 9 9 9 0 0 0 1\\n#");

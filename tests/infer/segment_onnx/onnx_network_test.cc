@@ -48,7 +48,7 @@ class OnnxNetworkTest : public ::testing::Test {
 TEST_F(OnnxNetworkTest, IsCutAtTheEncodedDepthAndWidened) {
   const OnnxNetwork network = ReadOnnxNetwork(bytes_);
   EXPECT_EQ(network.meta.structure.num_classes(), 21);
-  EXPECT_EQ(network.meta.structure.Hash(), ReadStructureYaml("configs/structure.yaml").Hash());
+  EXPECT_EQ(network.meta.structure.Hash(), ReadStructure("configs/structure.yaml").Hash());
   const onnx::GraphProto& graph = network.model.graph();
   EXPECT_EQ(graph.input(0).name(), kOnnxEncoded);
   EXPECT_EQ(graph.input(0).type().tensor_type().shape().dim(1).dim_value(), 2);

@@ -67,7 +67,7 @@ Structure Grid(int boxes, const std::string& name) {
 }
 
 TEST(BuildSheet, NoTextLiesOverAnother) {
-  ExpectNoOverlap(ReadStructureYaml("configs/structure.yaml"));
+  ExpectNoOverlap(ReadStructure("configs/structure.yaml"));
   for (const int boxes : {1, 2, 3, 7, 12, 20, 51}) ExpectNoOverlap(Grid(boxes, "carton"));
   ExpectNoOverlap(Grid(4, std::string(90, 'w')));
   std::vector<Box> tower;
@@ -80,7 +80,7 @@ TEST(BuildSheet, NoTextLiesOverAnother) {
 
 // What the page of the paper's stack has to say, from the numbers of configs/structure.yaml.
 TEST(BuildSheet, SaysHowThePapersStackIsBuilt) {
-  const std::vector<Text> texts = TextsOf(BuildSheet(ReadStructureYaml("configs/structure.yaml")));
+  const std::vector<Text> texts = TextsOf(BuildSheet(ReadStructure("configs/structure.yaml")));
   const auto count = [&](const std::string& words) {
     return std::count_if(texts.begin(), texts.end(),
                          [&](const Text& text) { return text.words == words; });
@@ -112,7 +112,7 @@ TEST(BuildSheet, NamesATurnAndABoxInTheAir) {
 }
 
 TEST(BuildSheet, IsThePictureOfTheReadme) {
-  EXPECT_TRUE(BuildSheet(ReadStructureYaml("configs/structure.yaml")) ==
+  EXPECT_TRUE(BuildSheet(ReadStructure("configs/structure.yaml")) ==
               ReadFile("docs/build.svg", kMaxTextBytes))
       << "volalign structure sheet configs/structure.yaml -o docs/build.svg";
 }

@@ -17,7 +17,7 @@ void ExpectOverhang(const Overhang& overhang, double front, double back, double 
 
 // By hand, from the numbers of configs/structure.yaml.
 TEST(BuildSteps, OfThePapersStack) {
-  const std::vector<BuildStep> steps = BuildSteps(ReadStructureYaml("configs/structure.yaml"));
+  const std::vector<BuildStep> steps = BuildSteps(ReadStructure("configs/structure.yaml"));
   ASSERT_EQ(steps.size(), 4u);
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(steps[i].box, static_cast<int>(i));

@@ -41,7 +41,7 @@ TEST(ParseBoxes, TakesTextsOfAnyLength) {
 // The joints of the paper's stack by hand: the upper three boxes' middle is 127.5 mm inside the
 // joint's edge and 607.5 mm above it, the upper two 106.25 inside ... : the least angle counts.
 TEST(TiltOfTower, IsThatOfTheWeakestJoint) {
-  const Structure structure = ReadStructureYaml("configs/structure.yaml");
+  const Structure structure = ReadStructure("configs/structure.yaml");
   const auto deg = [](double inside, double above) {
     return std::atan2(inside, above) * 180 / M_PI;
   };
@@ -118,8 +118,8 @@ TEST(SuggestStack, IsTheSameOnAnyNumberOfThreadsAndFromItsFile) {
   const SuggestedStack again = SuggestStack("two", sizes, options);
   EXPECT_EQ(once.structure.Hash(), again.structure.Hash());
   const TempFolder folder;
-  WriteFileAtomically(folder.path() / "two.yaml", SuggestedYaml(once));
-  const Structure read = ReadStructureYaml((folder.path() / "two.yaml").string());
+  WriteFileAtomically(folder.path() / "two.yaml", StructureYaml(once.structure));
+  const Structure read = ReadStructure((folder.path() / "two.yaml").string());
   EXPECT_EQ(read.Hash(), once.structure.Hash());
   EXPECT_EQ(read.name(), "two");
 }

@@ -21,7 +21,7 @@
 
 namespace volalign::testing_infer {
 
-inline Structure PaperStructure() { return ReadStructureYaml("configs/structure.yaml"); }
+inline Structure PaperStructure() { return ReadStructure("configs/structure.yaml"); }
 
 /// 0 where no side has the name.
 inline int LabelOf(const Structure& structure, const std::string& name) {

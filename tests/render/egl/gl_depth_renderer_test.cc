@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/formats/structure_gltf.h"
 #include "core/geometry/camera.h"
+#include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/scene_mesh.h"
 #include "render/tiles/tile_renderer.h"

@@ -54,8 +54,8 @@ TEST_F(Suite, FilesAreRelativeToItsOwn) {
   EXPECT_TRUE(IsApplicable(suite.methods[0], "arc"));
   EXPECT_FALSE(IsApplicable(suite.methods[0], "ring"));
   EXPECT_TRUE(IsApplicable(suite.methods[1], "ring"));
-  EXPECT_STREQ(WordOf(suite.tables[0].rows[0].stage), "graph");
-  EXPECT_STREQ(WordOf(suite.tables[1].blocks[0].metric), "d2");
+  EXPECT_STREQ(ToString(suite.tables[0].rows[0].stage), "graph");
+  EXPECT_STREQ(ToString(suite.tables[1].blocks[0].metric), "d2");
 }
 
 TEST_F(Suite, ATableAloneHasWhatItNeeds) {

@@ -1,18 +1,20 @@
-// Trains with a loss and a network that volalign does not have: `own_loss recipe.yaml RUN_FOLDER`.
+// The whole program volalign with a loss, a network and a noise model of its own:
+// `own_program train --config recipe.yaml -o run`, then `own_program calibrate --model run/model.pt ...`.
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/log_softmax.h>
 #include <ATen/ops/one_hot.h>
 #include <torch/nn/modules/conv.h>
 
-#include <cstdio>
-#include <exception>
+#include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "cli/main.h"
 #include "core/base/input_file.h"
 #include "core/nn/network.h"
+#include "render/noise.h"
 #include "train/loss_term.h"
-#include "train/trainer.h"
 
 namespace {
 
@@ -64,27 +66,33 @@ class DilatedNet : public volalign::StructureNetImpl {
   torch::nn::Conv2d classifier_{nullptr};
 };
 
+/// A sensor whose depth errors grow with the square of the distance and that loses one pixel in
+/// twenty.
+volalign::NoisyView QuadraticNoise(const volalign::NoiseInput& input,
+                                   volalign::RandomStream& random) {
+  constexpr double kSigmaAtOneMetre = 0.002;  // m
+  constexpr double kLost = 0.05;
+  volalign::NoisyView seen{input.view.depth, input.view.labels};
+  for (std::size_t i = 0; i < seen.depth.size(); ++i) {
+    const double z = seen.depth[i];
+    const double error = random.Normal(0, kSigmaAtOneMetre * z * z);
+    const bool lost = random.Chance(kLost) || z <= 0;
+    seen.depth[i] = lost ? 0.0F : static_cast<float>(z + error);
+    if (lost) seen.labels[i] = 0;
+  }
+  return seen;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  if (argc != 3) {
-    std::fprintf(stderr, "usage: own_loss recipe.yaml RUN_FOLDER\n");
-    return 1;
-  }
-  try {
-    volalign::RegisterLossTerm("dice", [](const volalign::Structure& structure, const at::Device&) {
-      return std::make_unique<DiceTerm>(structure.num_classes());
-    });
-    volalign::RegisterNetwork("dilated", [](const volalign::StructureNetOptions& options) {
-      return std::make_shared<DilatedNet>(options);
-    });
-    if (volalign::DataFolder().empty()) volalign::SetDataFolder(VOLALIGN_DATA);
-    volalign::TrainOptions options;
-    options.run_dir = argv[2];
-    volalign::Train(volalign::ReadTrainConfig(volalign::ConfigSource::FromFile(argv[1])), options);
-    return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "error: %s\n", error.what());
-    return 1;
-  }
+  volalign::RegisterLossTerm("dice", [](const volalign::Structure& structure, const at::Device&) {
+    return std::make_unique<DiceTerm>(structure.num_classes());
+  });
+  volalign::RegisterNetwork("dilated", [](const volalign::StructureNetOptions& options) {
+    return std::make_shared<DilatedNet>(options);
+  });
+  volalign::RegisterNoiseModel("quadratic", QuadraticNoise);
+  if (volalign::DataFolder().empty()) volalign::SetDataFolder(VOLALIGN_DATA);
+  return volalign::Main(argc, argv);
 }
