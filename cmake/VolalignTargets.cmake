@@ -115,6 +115,7 @@ function(volalign_tests room)
   endif()
   list(TRANSFORM ARG_TESTS REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/${room}/\\1_test.cc" OUTPUT_VARIABLE sources)
   add_executable(${target} ${sources})
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/tests/${room}")
   # Tests' own code compiles in half the time so, and little of the work is its.
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
   volalign_needs_torch(needs_torch ${ARG_DEPENDS})

@@ -223,16 +223,15 @@ def with_included(path, folders):
 
 def check_tests():
     """The tests of a program include what its DEPENDS reach, and DEPENDS names no module of which none includes anything."""
-    for listing in files_of(("CMakeLists.txt",), ("tests",)):
-        for words in cmake_calls(listing, "volalign_tests"):
-            named = list(map(folder_of, section(words, "DEPENDS")))
-            files = {file for test in section(words, "TESTS") for file in with_included(f"tests/{words[0]}/{test}_test.cc", ("tests/",))}
-            for file in sorted(files):
-                yield from wrong_includes(file, reach(named) | {"CLI11::CLI11"}, None)
-            included = {module_of(include) for file in files for include in own_includes(file)}
-            for target in named:
-                if (target in MODULES and target not in included) or target.startswith("volalign::"):
-                    yield f"{listing} names {target}, of which its tests include nothing, or which is no module"
+    for words in cmake_calls("tests/CMakeLists.txt", "volalign_tests"):
+        named = list(map(folder_of, section(words, "DEPENDS")))
+        files = {file for test in section(words, "TESTS") for file in with_included(f"tests/{words[0]}/{test}_test.cc", ("tests/",))}
+        for file in sorted(files):
+            yield from wrong_includes(file, reach(named) | {"CLI11::CLI11"}, None)
+        included = {module_of(include) for file in files for include in own_includes(file)}
+        for target in named:
+            if (target in MODULES and target not in included) or target.startswith("volalign::"):
+                yield f"{words[0]} names {target}, of which its tests include nothing, or which is no module"
 
 
 def check_ceres_and_torch():
@@ -244,13 +243,13 @@ def check_ceres_and_torch():
 
 
 def check_listed():
-    """Every .cc stands in the nearest CMakeLists.txt: as a source, or, NAME_test.cc, as the test NAME."""
+    """Every .cc stands in the nearest CMakeLists.txt, as a source, or is a test of volalign_tests."""
+    tests = {f"tests/{words[0]}/{test}_test.cc" for words in cmake_calls("tests/CMakeLists.txt", "volalign_tests") for test in section(words, "TESTS")}
     for path in files_of((".cc",), CODE_FOLDERS + ("examples", "tests")):
         folder = os.path.dirname(path)
         while not exists(folder + "/CMakeLists.txt"):
             folder = os.path.dirname(folder)
-        name = os.path.relpath(path, folder)
-        if not {name, re.sub(r"_test\.cc$", "", name)} & set(re.split(r"[\s()]+", words_of(f"{folder}/CMakeLists.txt"))):
+        if path not in tests and os.path.relpath(path, folder) not in re.split(r"[\s()]+", words_of(f"{folder}/CMakeLists.txt")):
             yield f"{path} is not in {folder}/CMakeLists.txt"
 
 
