@@ -6,12 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/image.h"
 #include "core/geometry/lens.h"
+#include "core/geometry/sensor_kind.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -202,3 +204,342 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
 
 }  // namespace
 }  // namespace volalign::camera_test
+
+namespace volalign::lens_test {
+namespace {
+
+/// OpenCV's documented model, written out term by term; shares no code with the library.
+Eigen::Vector2d Project(const Intrinsics& k, double x, double y) {
+  const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };
+  const double k1 = d(0), k2 = d(1), p1 = d(2), p2 = d(3), k3 = d(4), k4 = d(5), k5 = d(6),
+               k6 = d(7);
+  const double r2 = x * x + y * y, r4 = r2 * r2, r6 = r4 * r2;
+  const double f = (1 + k1 * r2 + k2 * r4 + k3 * r6) / (1 + k4 * r2 + k5 * r4 + k6 * r6);
+  const double xd = x * f + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
+  const double yd = y * f + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+  return {k.fx * xd + k.cx, k.fy * yd + k.cy};
+}
+
+Intrinsics Camera(std::vector<double> distortion) {
+  return {320, 288, 252.4, 251.9, 163.2, 165.7, std::move(distortion)};
+}
+
+TEST(Lens, ForwardModelIsTheDocumentedOne) {
+  for (const std::vector<double>& lens :
+       std::vector<std::vector<double>>{{},
+                                        {-0.11, 0.03, 0.0007, -0.0004},
+                                        {0.08, -0.12, -0.0006, 0.0009, 0.03},
+                                        {0.45, -0.06, 0.002, -0.003, -0.003, 0.79, 0.03, -0.013}}) {
+    const Intrinsics k = Camera(lens);
+    for (const Eigen::Vector2d& ray : {Eigen::Vector2d(0.3, -0.5), Eigen::Vector2d(-0.6, 0.1)}) {
+      EXPECT_LT((ProjectRay(k, ray) - Project(k, ray.x(), ray.y())).norm(), 1e-9) << lens.size();
+    }
+  }
+}
+
+TEST(Lens, RaysProjectBackToTheirPixels) {
+  const std::vector<std::vector<double>> lenses = {
+      {},
+      {-0.11, 0.03, 0.0007, -0.0004},
+      {0.08, -0.12, -0.0006, 0.0009, 0.03},
+      {0.45, -0.06, 0.00005, -0.00007, -0.003, 0.55, -0.02, -0.005},
+      // Two factory calibrations of Azure Kinects, and the first with a strong tangential part.
+      {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419},
+      {4.72474, 3.20922, 0, 0, 0.17060, 5.05586, 4.77578, 0.88649},
+      {0.92185, 0.50040, 0.01, -0.008, 0.02836, 1.25842, 0.75181, 0.14419}};
+  for (const auto& lens : lenses) {
+    const Intrinsics k = Camera(lens);
+    const RayTable table = ComputeRays(k);
+    ASSERT_EQ(table.width, k.width);
+    ASSERT_EQ(table.height, k.height);
+    for (int v = 0; v < k.height; ++v) {
+      for (int u = 0; u < k.width; ++u) {
+        const Eigen::Vector2d p = Project(k, table.at(u, v).x(), table.at(u, v).y());
+        const double error = std::hypot(p.x() - u, p.y() - v);
+        // Float rays: 1e-7 of a focal length.
+        ASSERT_FALSE(!(error <= 1e-4)) << lens.size() << " coefficients, pixel " << u << " " << v;
+      }
+    }
+  }
+}
+
+TEST(Lens, OneCurveServesBothFactoryCalibrations) {
+  const std::vector<std::pair<double, double>> curve = {{0.2, 0.987}, {0.4, 0.950}, {0.6, 0.898}};
+  for (const std::vector<double>& lens : std::vector<std::vector<double>>{
+           {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419},
+           {4.72474, 3.20922, 0, 0, 0.17060, 5.05586, 4.77578, 0.88649}}) {
+    const Intrinsics k = Camera(lens);
+    for (const auto& [r, factor] : curve) {
+      EXPECT_NEAR((ProjectRay(k, {r, 0}).x() - k.cx) / (k.fx * r), factor, 6e-4);
+    }
+  }
+}
+
+TEST(Lens, PixelsBeyondTheFoldHaveNoRay) {
+  // r (1 - 0.5 r^2) grows up to r = 0.8165 only, to 0.5443: farther pixels belong to no ray, or to
+  // one beyond the fold.
+  const Intrinsics k = Camera({-0.5, 0, 0, 0});
+  const RayTable table = ComputeRays(k);
+  int with = 0, without = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+      if (radius < 0.544) {
+        ASSERT_LT(table.at(u, v).norm(), 0.8165) << u << " " << v;
+        ++with;
+      }
+      if (radius > 0.545) {
+        ASSERT_FALSE(table.at(u, v).allFinite()) << u << " " << v;
+        ++without;
+      }
+    }
+  }
+  EXPECT_GT(with, 1000);
+  EXPECT_GT(without, 1000);
+}
+
+TEST(Lens, CoefficientsThatCannotBeInvertedAreAnError) {
+  ExpectError<DataError>([] { ComputeRays(Camera({-9.0, 0, 0, 0})); }, {"distortion", "k1 k2 p1"});
+  ExpectError<DataError>([] { ComputeRays(Camera({0.1, 0.1})); }, {"2 distortion coefficients"});
+  // Orbbec's order, k1 ... k6 p1 p2, of a Femto Bolt: OpenCV's is another one.
+  const std::vector<double> orbbec = {16.1704, 8.44953, 0.324469,    16.4805,
+                                      13.9441, 1.99604, 5.92792e-05, -1.46558e-05};
+  ExpectError<DataError>([&] { RequireRays(Camera(orbbec), "S1.json"); },
+                         {"S1.json: ", "% of the picture", "k1 k2 p1"});
+  RequireRays(
+      Camera({16.1704, 8.44953, 5.92792e-05, -1.46558e-05, 0.324469, 16.4805, 13.9441, 1.99604}),
+      "S1.json");
+}
+
+// The axis is at the top of the picture, so that the share of pixels beyond the fold, which the
+// message gives, depends on where each row is taken to be.
+TEST(Lens, TheShareWithoutRaysIsThePictures) {
+  Intrinsics k = Camera({-0.5, 0, 0, 0});
+  k.cy = -0.5;
+  const double reach = std::sqrt(2.0 / 3) * 2 / 3;  // where r (1 - 0.5 r^2) is largest
+  double beyond = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      beyond += std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy) > reach;
+    }
+  }
+  std::string message;
+  try {
+    RequireRays(k, "S1");
+  } catch (const DataError& error) {
+    message = error.what();
+  }
+  const std::size_t at = message.find("inverted at ");
+  ASSERT_NE(at, std::string::npos) << message;
+  EXPECT_NEAR(std::stod(message.substr(at + 12)), 100 * beyond / (k.width * k.height), 1);
+}
+
+}  // namespace
+}  // namespace volalign::lens_test
+
+namespace volalign::sensor_kind_test {
+namespace {
+
+TEST(FindSensorKind, IsTheOneWithTheLongestNameThatItBeginsWith) {
+  const SensorKind* azure = FindSensorKind("azure_kinect_nfov_binned");
+  ASSERT_NE(azure, nullptr);
+  EXPECT_EQ(azure->principle, DepthPrinciple::kTimeOfFlight);
+  ASSERT_TRUE(azure->lens.has_value());
+  EXPECT_FALSE(azure->lens->rectified());
+  ASSERT_NE(FindSensorKind("realsense_d415"), nullptr);
+  EXPECT_EQ(FindSensorKind("realsense_d415")->name, "realsense");
+  EXPECT_TRUE(FindSensorKind("realsense_d415")->lens->rectified());
+  EXPECT_EQ(FindSensorKind("realsense_d455")->name, "realsense_d455");
+  ASSERT_NE(FindSensorKind("kinect_v1"), nullptr);
+  EXPECT_FALSE(FindSensorKind("kinect_v1")->lens.has_value());
+  EXPECT_EQ(FindSensorKind("my_azure_kinect"), nullptr);
+  EXPECT_EQ(FindSensorKind("unknown"), nullptr);
+  EXPECT_EQ(FindSensorKind(""), nullptr);
+}
+
+TEST(MeasuresBy, IsOfKnownKindsOnly) {
+  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, "realsense_d455"));
+  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, "kinect_v1"));
+  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kTimeOfFlight, "kinect_v2"));
+  EXPECT_FALSE(MeasuresBy(DepthPrinciple::kTimeOfFlight, "kinect_v1"));
+  for (const DepthPrinciple principle : {DepthPrinciple::kStereo, DepthPrinciple::kTimeOfFlight})
+    EXPECT_FALSE(MeasuresBy(principle, "lidar"));
+}
+
+// One design: units of it differ in scale by more than any other kind's.
+TEST(SensorKinds, TheFirstKinectsDesignHasThreeNames) {
+  const DepthErrorModel& kinect = ErrorsOf("kinect_v1");
+  EXPECT_GT(kinect.unit_gain, 3 * ErrorsOf("realsense_d415").unit_gain);
+  EXPECT_EQ(ErrorsOf("azure_kinect_nfov_binned").unit_gain, ErrorsOf("").unit_gain);
+  for (const char* name : {"asus_xtion", "asus_xtion_pro_live", "primesense_carmine"}) {
+    EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, name)) << name;
+    EXPECT_EQ(ErrorsOf(name).white_m, kinect.white_m) << name;
+    EXPECT_EQ(ErrorsOf(name).unit_gain, kinect.unit_gain) << name;
+  }
+}
+
+TEST(SensorKinds, EachSaysHowItsDepthsErr) {
+  std::vector<DepthErrorModel> all = {ErrorsOf("lidar")};
+  for (const SensorKind& kind : SensorKinds()) all.push_back(kind.errors);
+  ASSERT_GT(all.size(), 6U);
+  for (const DepthErrorModel& errors : all) {
+    for (const double sigma :
+         {errors.white_m, errors.smooth_m, errors.seam_m, errors.gain, errors.unit_gain,
+          errors.seam_reach_m, errors.lateral_rad, errors.smooth_rad})
+      EXPECT_GT(sigma, 0);
+    // A few millimetres near, and no more than a decimetre at the far end of a capture volume.
+    EXPECT_GT(errors.Sigma(1), 0.002);
+    EXPECT_LT(errors.Sigma(4), 0.1);
+  }
+}
+
+/// z^2 s / (f B) of a stereo camera: 0.055 px of a D415 with f B = 51.9 px m, and 0.14 px that
+/// neighbours share.
+TEST(ErrorsOf, AStereoCamerasGrowWithTheSquareOfTheDepthAndWithItsShortBaseline) {
+  const DepthErrorModel& d415 = ErrorsOf("realsense_d415");
+  for (const double z : {1.0, 2.0, 3.0}) {
+    EXPECT_NEAR(d415.White(z), z * z * 0.055 / 51.9, 0.02 * d415.White(z));
+    EXPECT_NEAR(d415.Smooth(z), z * z * 0.14 / 51.9, 0.02 * d415.Smooth(z));
+    // Baselines of 50 and 95 mm, focal lengths of 644.9 and 640 px.
+    const std::pair<const char*, double> others[] = {{"realsense_d435", 0.050 * 644.9},
+                                                     {"realsense_d455", 0.095 * 640}};
+    for (const auto& [kind, scale] : others) {
+      EXPECT_NEAR(ErrorsOf(kind).White(z) / d415.White(z), 51.9 / scale, 0.02);
+      EXPECT_NEAR(ErrorsOf(kind).Smooth(z) / d415.Smooth(z), 51.9 / scale, 0.02);
+    }
+    EXPECT_NEAR(d415.TiltGrowth(z), z * z / 4, 1e-12);
+  }
+  // 0.1 px at the border, 640 px from the middle.
+  const std::tuple<const char*, double, double> tilts[] = {{"realsense_d415", 943.6, 51.9},
+                                                           {"realsense_d435", 644.9, 32.2},
+                                                           {"realsense_d455", 640, 60.8}};
+  for (const auto& [kind, focal, focal_baseline] : tilts) {
+    const double expected = 0.1 * focal / 640 * 4 / focal_baseline;
+    EXPECT_NEAR(ErrorsOf(kind).tilt_m, expected, 0.05 * expected) << kind;
+  }
+}
+
+/// Residuals to local planes of real frames (docs/sensor-models.md), without the steps of 1 mm.
+TEST(ErrorsOf, AnAzureKinectsAreThoseOfItsFrames) {
+  const DepthErrorModel& azure = ErrorsOf("azure_kinect_nfov_binned");
+  EXPECT_NEAR(azure.White(1.5), 0.0003, 1e-4);
+  EXPECT_NEAR(azure.White(4.5), 0.0006, 1e-4);
+  EXPECT_DOUBLE_EQ(azure.Smooth(4), 2 * azure.Smooth(2));
+}
+
+TEST(DepthErrorModel, PartsAreIndependent) {
+  DepthErrorModel errors;
+  errors.white_m = 0.003;
+  errors.white_power = 1;
+  errors.smooth_m = 0.004;
+  errors.smooth_power = 2;
+  EXPECT_DOUBLE_EQ(errors.WithinSurface(2), 0.005);
+  EXPECT_DOUBLE_EQ(errors.WithinSurface(4), std::hypot(0.006, 0.016));
+  errors.offset_m = 0.012;
+  EXPECT_DOUBLE_EQ(errors.Sigma(2), 0.013);
+  errors.offset_m = 0;
+  errors.gain = 0.006;
+  EXPECT_DOUBLE_EQ(errors.Sigma(2), 0.013);
+  // What falls linearly from 0.03 to 0 has a root mean square of 0.03 / sqrt(3).
+  errors = DepthErrorModel();
+  errors.seam_m = 0.03;
+  EXPECT_NEAR(errors.Sigma(2), std::sqrt(0.0003), 1e-12);
+}
+
+/// github.com/orbbec/OrbbecSDK, issue 56: a Femto Bolt, against the Azure Kinect's.
+TEST(FindSensorKind, AFemtoBoltHasTheLensThatItsFactoryMeasured) {
+  const SensorKind* bolt = FindSensorKind("orbbec_femto_bolt_nfov_binned");
+  ASSERT_NE(bolt, nullptr);
+  EXPECT_EQ(bolt->principle, DepthPrinciple::kTimeOfFlight);
+  Intrinsics of_kind{320, 288, 252, 252, 160, 144, bolt->lens->distortion}, of_unit = of_kind;
+  of_unit.distortion = {8.68957, 4.46817, 0, 0, 0.172922, 9.01699, 7.37854, 1.05598};
+  for (const double radius : {0.2, 0.4, 0.6}) {
+    const Eigen::Vector2d ray(radius, 0);
+    EXPECT_NEAR(BendRay(of_kind, ray).bent.x() / BendRay(of_unit, ray).bent.x(), 1, 1.5e-3);
+  }
+}
+
+TEST(FindSensorKind, KnowsTheSensorsThatOneCanBuy) {
+  for (const char* name :
+       {"azure_kinect_nfov_binned", "azure_kinect_nfov_unbinned", "azure_kinect_wfov_binned",
+        "azure_kinect_wfov_unbinned", "orbbec_femto_bolt_wfov_unbinned", "orbbec_femto_mega",
+        "orbbec_gemini_335", "realsense_d415", "realsense_d435", "realsense_d455", "kinect_v2",
+        "oak_d"}) {
+    const SensorKind* kind = FindSensorKind(name);
+    ASSERT_NE(kind, nullptr) << name;
+    ASSERT_TRUE(kind->lens.has_value()) << name;
+    EXPECT_GT(kind->lens->own_focal_sigma, 0) << name;
+    RequireSensorKind(name, "sensor");
+  }
+  for (const char* rectified : {"orbbec_gemini_335", "oak_d", "realsense_d455"})
+    EXPECT_TRUE(FindSensorKind(rectified)->lens->rectified()) << rectified;
+  ExpectError<ConfigError>([] { RequireSensorKind("femto_bolt", "sensor"); },
+                           {"sensor = femto_bolt", "orbbec_femto", "kinect_v1"});
+}
+
+/// A mode of an Azure Kinect is a part of its chip, binned or not: the same directions are at the
+/// same place of the chip (Azure Kinect Sensor SDK, mode_specific_calibration.c).
+TEST(ReadIntrinsicsPool, TheModesOfADeviceAreOneLens) {
+  struct Mode {
+    const char* name;
+    int pixels, left, top;  // per pixel of the unbinned chip; where its picture begins
+  };
+  const Mode modes[] = {{"nfov_unbinned", 1, 192, 180},
+                        {"nfov_binned", 2, 192, 180},
+                        {"wfov_binned", 2, 0, 0},
+                        {"wfov_unbinned", 1, 0, 0}};
+  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool("configs/intrinsics.yaml");
+  for (const std::string device : {"azure_kinect_", "orbbec_femto_bolt_", "orbbec_femto_mega_"}) {
+    std::vector<Intrinsics> first;
+    for (const Mode& mode : modes) {
+      const auto entry = std::find_if(pool.begin(), pool.end(), [&](const auto& one) {
+        return one.sensor == device + mode.name;
+      });
+      ASSERT_NE(entry, pool.end()) << device << mode.name;
+      if (first.empty()) first = entry->intrinsics;
+      ASSERT_EQ(entry->intrinsics.size(), first.size());
+      for (std::size_t i = 0; i < first.size(); ++i) {
+        const Intrinsics& k = entry->intrinsics[i];
+        RequireRays(k, device + mode.name);
+        EXPECT_EQ(k.distortion, FindSensorKind(entry->sensor)->lens->distortion);
+        EXPECT_NEAR(mode.pixels * k.fx, first[i].fx, 1e-3);
+        EXPECT_NEAR(mode.pixels * (k.cx + 0.5) + mode.left, first[i].cx + 0.5 + 192, 1e-3);
+        EXPECT_NEAR(mode.pixels * (k.cy + 0.5) + mode.top, first[i].cy + 0.5 + 180, 1e-3);
+      }
+    }
+  }
+}
+
+TEST(ParseSensorKinds, AKindIsOneEntry) {
+  const std::vector<SensorKind> kinds = ParseSensorKinds(
+      "- sensor: other\n  resolution: [4, 3]\n  intrinsics: [[1, 1, 1, 1]]\n"
+      "- kind: a\n  principle: stereo\n  lens_sigmas: [0.1, 0.2, 0.3]\n"
+      "  errors: {smooth_m: 0.01, smooth_rad: 0.1, seam_reach_m: 0.3, bounce_reach_m: 0.2}\n"
+      "- kind: ab\n  like: a\n  errors: {smooth_m: 0.02}\n",
+      "own.yaml");
+  ASSERT_EQ(kinds.size(), 2U);
+  EXPECT_EQ(kinds[1].name, "ab");
+  EXPECT_EQ(kinds[1].principle, DepthPrinciple::kStereo);
+  EXPECT_EQ(kinds[1].errors.smooth_m, 0.02);
+  EXPECT_EQ(kinds[1].errors.smooth_rad, 0.1);
+  EXPECT_EQ(kinds[1].lens->sigmas, (std::array<double, 3>{0.1, 0.2, 0.3}));
+}
+
+TEST(ParseSensorKinds, RejectsWhatIsNone) {
+  const auto expect = [](const std::string& entry, std::initializer_list<std::string> parts) {
+    const std::string first =
+        "- kind: a\n  errors: {smooth_rad: 0.1, seam_reach_m: 0.3, bounce_reach_m: 0.2}\n";
+    ParseSensorKinds(first, "own.yaml");
+    ExpectError<ConfigError>([&] { ParseSensorKinds(first + entry, "own.yaml"); }, parts);
+  };
+  expect("- kind: b\n  like: a\n  erors: {white_m: 1}\n",
+         {"unknown key 'erors.white_m'", "own.yaml:5"});
+  expect("- kind: b\n  like: c\n", {"like = c", "own.yaml:4"});
+  expect("- kind: b\n  like: a\n  principle: radar\n", {"principle", "stereo"});
+  expect("- kind: b\n  like: a\n  distortion: [1, 2]\n", {"distortion", "8 numbers"});
+  expect("- kind: b\n  like: a\n  errors: {smooth_rad: 0}\n", {"smooth_rad"});
+  expect("- kind: b\n", {"smooth_rad"});
+}
+
+}  // namespace
+}  // namespace volalign::sensor_kind_test

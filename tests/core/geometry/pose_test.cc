@@ -1,15 +1,22 @@
 #include "core/geometry/pose.h"
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/image.h"
 #include "core/base/random.h"
 #include "core/geometry/camera.h"
+#include "core/geometry/factor.h"
+#include "core/geometry/metrics.h"
+#include "core/geometry/procrustes.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/quarter_turn_pose.h"
 
@@ -285,3 +292,403 @@ TEST(PoseRows, RejectsWhatIsNoRigidTransform) {
 
 }  // namespace
 }  // namespace volalign::pose_test
+
+namespace volalign::procrustes_test {
+namespace {
+
+using Eigen::Vector3d;
+using Points = std::vector<Vector3d>;
+
+Vector3d RandomVector(RandomStream& random) {
+  return {random.Normal(), random.Normal(), random.Normal()};
+}
+
+Points RandomPoints(RandomStream& random, int n, const Vector3d& spread = {1, 1, 1}) {
+  Points points;
+  for (int i = 0; i < n; ++i) points.push_back(RandomVector(random).cwiseProduct(spread));
+  return points;
+}
+
+/// Rotation of a random unit quaternion, written out (no Eigen::Geometry on the way).
+Pose RandomPose(RandomStream& random) {
+  Eigen::Vector4d q{random.Normal(), random.Normal(), random.Normal(), random.Normal()};
+  q.normalize();
+  const double w = q[0], x = q[1], y = q[2], z = q[3];
+  Pose pose = Pose::Identity();
+  pose.linear() << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+      2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), 2 * (x * z - w * y),
+      2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
+  pose.translation() = 3 * RandomVector(random);
+  return pose;
+}
+
+Points Transformed(const Pose& pose, const Points& points) {
+  Points out;
+  for (const auto& p : points) out.push_back(pose.linear() * p + pose.translation());
+  return out;
+}
+
+double Cost(const Pose& pose, const Points& source, const Points& target,
+            const std::vector<double>& weights) {
+  double sum = 0;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    sum += weights[i] * (target[i] - pose * source[i]).squaredNorm();
+  }
+  return sum;
+}
+
+TEST(AlignPoints, RecoversRandomPoses) {
+  RandomStream random(1, 0, "procrustes");
+  for (int i = 0; i < 200; ++i) {
+    const Pose truth = RandomPose(random);
+    const Points source = RandomPoints(random, 3 + i % 20);
+    const ProcrustesResult result = AlignPoints(source, Transformed(truth, source));
+    EXPECT_LT((result.target_from_source.matrix() - truth.matrix()).norm(), 1e-12 * 10) << i;
+    EXPECT_LT(result.rms, 1e-12 * 10);
+  }
+}
+
+TEST(AlignPoints, PlanarPointsFixTheRotation) {
+  RandomStream random(1, 1, "procrustes");
+  for (int i = 0; i < 100; ++i) {
+    const Pose truth = RandomPose(random);
+    const Points source = RandomPoints(random, 3 + i % 5, {1, 0.7, 0});
+    const ProcrustesResult result = AlignPoints(source, Transformed(truth, source));
+    EXPECT_LT((result.target_from_source.matrix() - truth.matrix()).norm(), 1e-10) << i;
+    EXPECT_NEAR(result.target_from_source.linear().determinant(), 1, 1e-12);
+    EXPECT_NEAR(result.extents[2], 0, 1e-7);
+  }
+}
+
+TEST(AlignPoints, CollinearPointsStillGiveAProperRotation) {
+  RandomStream random(1, 2, "procrustes");
+  for (int i = 0; i < 50; ++i) {
+    const Pose truth = RandomPose(random);
+    const Points source = RandomPoints(random, 4, {1, 0, 0});
+    const ProcrustesResult result = AlignPoints(source, Transformed(truth, source));
+    EXPECT_NEAR(result.target_from_source.linear().determinant(), 1, 1e-12);
+    EXPECT_LT(result.rms, 1e-12);
+    EXPECT_LT(SecondSingularValue(source), 1e-12);
+  }
+  const ProcrustesResult one = AlignPoints({{1, 2, 3}}, {{0, 0, 5}});
+  EXPECT_NEAR(one.target_from_source.linear().determinant(), 1, 1e-12);
+  EXPECT_LT((one.target_from_source * Vector3d(1, 2, 3) - Vector3d(0, 0, 5)).norm(), 1e-12);
+}
+
+// The best orthogonal matrix is a mirror here. Its closed-form proper replacement for points on the
+// axes flips the direction of the smallest extent: with x -> -x, y and z the larger ones, the
+// identity remains.
+TEST(AlignPoints, AMirrorImageGivesAProperRotation) {
+  const Points source = {{0.1, 0, 0}, {-0.1, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 3}, {0, 0, -3}};
+  Points target = source;
+  for (auto& p : target) p.x() = -p.x();
+  const ProcrustesResult result = AlignPoints(source, target);
+  EXPECT_LT((result.target_from_source.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-12);
+  EXPECT_NEAR(result.rms, std::sqrt(2 * 0.04 / 6), 1e-12);
+
+  RandomStream random(1, 3, "procrustes");
+  for (int i = 0; i < 50; ++i) {
+    const Pose pose = RandomPose(random);
+    const Points points = RandomPoints(random, 6);
+    Points mirrored = points;
+    for (auto& p : mirrored) p.y() = -p.y();
+    const auto aligned = AlignPoints(points, Transformed(pose, mirrored)).target_from_source;
+    EXPECT_NEAR(aligned.linear().determinant(), 1, 1e-12);
+  }
+}
+
+// The definition itself: no rigid transform nearby has a lower cost.
+TEST(AlignPoints, IsAMinimumOfTheWeightedCost) {
+  RandomStream random(1, 4, "procrustes");
+  for (int i = 0; i < 30; ++i) {
+    const Points source = RandomPoints(random, 6);
+    Points target = Transformed(RandomPose(random), source);
+    std::vector<double> weights;
+    for (auto& p : target) {
+      p += 0.2 * RandomVector(random);
+      weights.push_back(random.Uniform(0.1, 3));
+    }
+    const ProcrustesResult result = AlignPoints(source, target, weights);
+    const double best = Cost(result.target_from_source, source, target, weights);
+    double total = 0;
+    for (const double w : weights) total += w;
+    EXPECT_NEAR(result.rms, std::sqrt(best / total), 1e-12);
+    for (int k = 0; k < 40; ++k) {
+      Vector6d delta;
+      delta << RandomVector(random), RandomVector(random);
+      const Pose other = PerturbLeft(std::pow(10, -k % 5) * delta, result.target_from_source);
+      EXPECT_GE(Cost(other, source, target, weights), best - 1e-12);
+    }
+  }
+}
+
+TEST(AlignPoints, AWeightIsARepetition) {
+  RandomStream random(1, 5, "procrustes");
+  const Points source = RandomPoints(random, 5);
+  Points target = Transformed(RandomPose(random), source);
+  for (auto& p : target) p += 0.1 * RandomVector(random);
+  const std::vector<double> weights = {1, 3, 2, 0, 4};
+  Points many_source, many_target;
+  for (std::size_t i = 0; i < source.size(); ++i) {
+    for (int k = 0; k < static_cast<int>(weights[i]); ++k) {
+      many_source.push_back(source[i]);
+      many_target.push_back(target[i]);
+    }
+  }
+  const ProcrustesResult weighted = AlignPoints(source, target, weights);
+  const ProcrustesResult repeated = AlignPoints(many_source, many_target);
+  EXPECT_LT((weighted.target_from_source.matrix() - repeated.target_from_source.matrix()).norm(),
+            1e-12);
+  EXPECT_NEAR(weighted.rms, repeated.rms, 1e-12);
+  EXPECT_LT((weighted.extents - repeated.extents).norm(), 1e-12);
+}
+
+// Four corners of a rectangle a x b: squared singular values a^2 and b^2.
+TEST(AlignPoints, ExtentsOfARectangle) {
+  RandomStream random(1, 6, "procrustes");
+  const Points source = {{0.4, 0.1, 0}, {-0.4, 0.1, 0}, {-0.4, -0.1, 0}, {0.4, -0.1, 0}};
+  const auto result = AlignPoints(source, Transformed(RandomPose(random), source));
+  EXPECT_NEAR(result.extents[0], 0.4, 1e-9);
+  EXPECT_NEAR(result.extents[1], 0.1, 1e-9);
+  EXPECT_NEAR(result.extents[2], 0, 1e-7);
+  EXPECT_NEAR(SecondSingularValue(source), 0.2, 1e-12);
+}
+
+TEST(SecondSingularValue, ClosedForms) {
+  EXPECT_EQ(SecondSingularValue({}), 0);
+  EXPECT_EQ(SecondSingularValue({{1, 2, 3}}), 0);
+  EXPECT_NEAR(SecondSingularValue({{1, 2, 3}, {4, 0, 1}}), 0, 1e-15);
+  EXPECT_NEAR(SecondSingularValue({{0, 0, 0}, {1, 2, 3}, {2, 4, 6}, {-3, -6, -9}}), 0, 1e-14);
+  // Ends of three axes: squared singular values 2a^2, 2b^2, 2c^2.
+  EXPECT_NEAR(SecondSingularValue(
+                  {{1, 0, 0}, {-1, 0, 0}, {0, .3, 0}, {0, -.3, 0}, {0, 0, .1}, {0, 0, -.1}}),
+              0.3 * std::sqrt(2), 1e-14);
+  // An equilateral triangle of side s: both are s / sqrt(2).
+  EXPECT_NEAR(SecondSingularValue({{0, 0, 7}, {1, 0, 7}, {0.5, std::sqrt(0.75), 7}}),
+              std::sqrt(0.5), 1e-14);
+}
+
+TEST(SecondSingularValue, DoesNotDependOnTheFrame) {
+  RandomStream random(1, 7, "procrustes");
+  const Points points = RandomPoints(random, 9);
+  const double value = SecondSingularValue(points);
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_NEAR(SecondSingularValue(Transformed(RandomPose(random), points)), value, 1e-12);
+  }
+}
+
+TEST(AlignPoints, RejectsBadInput) {
+  const Points two = {{0, 0, 0}, {1, 0, 0}}, three = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  ExpectError<Error>([&] { AlignPoints({}, {}); }, {"0 source points"});
+  ExpectError<Error>([&] { AlignPoints(two, three); }, {"2 source points", "3 target points"});
+  ExpectError<Error>([&] { AlignPoints(two, two, {1}); }, {"1 weights"});
+  ExpectError<Error>([&] { AlignPoints(two, two, {0, 0}); }, {"weights"});
+  ExpectError<Error>(
+      [&] {
+        AlignPoints(two, two, {1, std::numeric_limits<double>::quiet_NaN()});
+      },
+      {"weights"});
+}
+
+}  // namespace
+}  // namespace volalign::procrustes_test
+
+namespace volalign::metrics_test {
+namespace {
+
+LabelImage RandomLabels(RandomStream& random, int width, int height, int classes) {
+  LabelImage image(width, height);
+  for (auto& x : image) x = static_cast<std::uint8_t>(random.Below(classes));
+  return image;
+}
+
+/// Sets of pixels per class, intersected and united as the definition says.
+double BruteForceIou(const LabelImage& a, const LabelImage& b, const DepthImage& depth, int classes,
+                     bool absent_counts) {
+  std::vector<double> ious;
+  for (int k = 0; k < classes; ++k) {
+    std::set<std::size_t> in_a, in_b, both, either;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      if (!depth.empty() && depth[i] <= 0) continue;
+      if (a[i] == k) in_a.insert(i);
+      if (b[i] == k) in_b.insert(i);
+    }
+    std::set_intersection(in_a.begin(), in_a.end(), in_b.begin(), in_b.end(),
+                          std::inserter(both, both.end()));
+    std::set_union(in_a.begin(), in_a.end(), in_b.begin(), in_b.end(),
+                   std::inserter(either, either.end()));
+    if (!either.empty()) {
+      ious.push_back(static_cast<double>(both.size()) / static_cast<double>(either.size()));
+    } else if (absent_counts) {
+      ious.push_back(1);
+    }
+  }
+  double sum = 0;
+  for (const double x : ious) sum += x;
+  return ious.empty() ? 1 : sum / static_cast<double>(ious.size());
+}
+
+TEST(MeanIou, AgreesWithBruteForce) {
+  RandomStream random(1, 0, "iou");
+  for (int i = 0; i < 60; ++i) {
+    const int classes = 21;
+    // Few classes in use, so that most are absent.
+    const LabelImage a = RandomLabels(random, 13, 9, 1 + i % 6);
+    LabelImage b = a;
+    for (auto& x : b) {
+      if (random.Chance(0.3)) x = static_cast<std::uint8_t>(random.Below(1 + i % 9));
+    }
+    DepthImage depth;
+    if (i % 2) {
+      depth = DepthImage(13, 9);
+      for (auto& z : depth) z = random.Chance(0.6) ? 2.0f : 0.0f;
+    }
+    for (const bool absent : {false, true}) {
+      EXPECT_NEAR(MeanIou(a, b, depth, {classes, absent}),
+                  BruteForceIou(a, b, depth, classes, absent), 1e-12);
+      EXPECT_NEAR(MeanIou(a, b, depth, {classes, absent}), MeanIou(b, a, depth, {classes, absent}),
+                  1e-12);
+    }
+  }
+}
+
+TEST(MeanIou, ClosedForms) {
+  LabelImage truth(4, 1), predicted(4, 1);
+  for (std::size_t i = 0; i < 4; ++i) truth[i] = static_cast<std::uint8_t>(i / 2);  // 0 0 1 1
+  predicted[2] = 1;                                                                 // 0 0 1 0
+  // Class 0: 2 / 3, class 1: 1 / 2.
+  EXPECT_NEAR(MeanIou(predicted, truth, {}, {5, false}), (2.0 / 3 + 0.5) / 2, 1e-15);
+  EXPECT_NEAR(MeanIou(predicted, truth, {}, {5, true}), (2.0 / 3 + 0.5 + 3) / 5, 1e-15);
+  // Without depth at the wrong pixel, all that counts is right.
+  DepthImage depth(4, 1, 1.0f);
+  depth[3] = 0;
+  EXPECT_EQ(MeanIou(predicted, truth, depth, {5, false}), 1);
+  depth[3] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(MeanIou(predicted, truth, depth, {5, false}), 1);
+  // No pixel counts.
+  EXPECT_EQ(MeanIou(predicted, truth, DepthImage(4, 1), {5, false}), 1);
+  EXPECT_EQ(MeanIou(predicted, truth, DepthImage(4, 1), {5, true}), 1);
+  // Wrong everywhere.
+  EXPECT_EQ(MeanIou(LabelImage(4, 1, 2), LabelImage(4, 1, 3), {}, {5, false}), 0);
+}
+
+TEST(MeanIou, RejectsBadInput) {
+  const LabelImage a(4, 3), b(3, 4);
+  ExpectError<Error>([&] { MeanIou(a, b, {}, {21, false}); }, {"sizes"});
+  ExpectError<Error>([&] { MeanIou(a, a, DepthImage(3, 4), {21, false}); }, {"sizes"});
+  ExpectError<Error>([&] { MeanIou(LabelImage(4, 3, 21), a, {}, {21, false}); }, {"21"});
+  ExpectError<Error>([&] { MeanIou(a, LabelImage(4, 3, 30), {}, {21, false}); }, {"30"});
+}
+
+using Points = std::vector<Eigen::Vector3d>;
+
+Points RandomPoints(RandomStream& random, int n) {
+  Points points;
+  for (int i = 0; i < n; ++i)
+    points.emplace_back(random.Normal(), random.Normal(), random.Normal());
+  return points;
+}
+
+double BruteForceDistance(const Points& a, const Points& b) {
+  double sum = 0;
+  for (const auto& p : a) {
+    double best = std::numeric_limits<double>::infinity();
+    for (const auto& q : b) best = std::min(best, (p - q).squaredNorm());
+    sum += best;
+  }
+  return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+TEST(RmsDistance, AgreesWithBruteForce) {
+  RandomStream random(1, 1, "rms");
+  for (const auto& [n, m] : {std::pair(1, 1), {1, 50}, {50, 1}, {300, 17}, {400, 1500}}) {
+    const Points a = RandomPoints(random, n), b = RandomPoints(random, m);
+    EXPECT_NEAR(RmsDistance(a, b), BruteForceDistance(a, b), 1e-12);
+    const SetDistances d = CompareSets(a, b);
+    EXPECT_NEAR(d.d1, BruteForceDistance(a, b), 1e-12);
+    EXPECT_NEAR(d.d2, std::max(BruteForceDistance(a, b), BruteForceDistance(b, a)), 1e-12);
+  }
+}
+
+TEST(RmsDistance, IsTheSameOnAnyNumberOfThreads) {
+  RandomStream random(1, 3, "rms");
+  const Points a = RandomPoints(random, 9000), b = RandomPoints(random, 20);
+  EXPECT_NEAR(RmsDistance(a, b, 3), BruteForceDistance(a, b), 1e-12);
+  EXPECT_EQ(RmsDistance(a, b, 3), RmsDistance(a, b, 1));
+}
+
+TEST(RmsDistance, RepeatedPointsAndSubsets) {
+  const Points b(100, Eigen::Vector3d(1, 2, 3));
+  EXPECT_NEAR(RmsDistance({{1, 2, 5}}, b), 2, 1e-15);
+  RandomStream random(1, 2, "rms");
+  const Points all = RandomPoints(random, 200), some(all.begin(), all.begin() + 20);
+  EXPECT_EQ(RmsDistance(some, all), 0);
+  // The distance that is not symmetric: all of the set's rest is far from its part.
+  EXPECT_EQ(CompareSets(some, all).d1, 0);
+  EXPECT_GT(CompareSets(some, all).d2, 0.1);
+}
+
+TEST(RmsDistance, RejectsEmptySets) {
+  ExpectError<Error>([] { RmsDistance({}, {{0, 0, 0}}); }, {"empty"});
+  ExpectError<Error>([] { RmsDistance({{0, 0, 0}}, {}); }, {"empty"});
+}
+
+// 1 ... n: mean (n + 1) / 2, population variance (n^2 - 1) / 12.
+TEST(Summarise, ClosedForms) {
+  const int n = 101;
+  std::vector<double> values;
+  for (int i = n; i >= 1; --i) values.push_back(i);
+  const Summary summary = Summarise(values);
+  EXPECT_NEAR(summary.mean, 51, 1e-12);
+  EXPECT_NEAR(summary.std, std::sqrt((n * n - 1) / 12.0), 1e-12);
+  EXPECT_NEAR(summary.rsd, summary.std / 51, 1e-12);
+  EXPECT_NEAR(summary.median, 51, 1e-12);
+  EXPECT_NEAR(summary.p95, 96, 1e-12);
+
+  const Summary two = Summarise({3, 1});
+  EXPECT_NEAR(two.mean, 2, 1e-15);
+  EXPECT_NEAR(two.std, 1, 1e-15);
+  EXPECT_NEAR(two.median, 2, 1e-15);
+  EXPECT_NEAR(two.p95, 2.9, 1e-12);
+
+  const Summary one = Summarise({4});
+  EXPECT_EQ(one.mean, 4);
+  EXPECT_EQ(one.std, 0);
+  EXPECT_EQ(one.median, 4);
+  EXPECT_EQ(one.p95, 4);
+
+  const Summary none = Summarise({});
+  EXPECT_EQ(none.mean, 0);
+  EXPECT_EQ(none.std, 0);
+  EXPECT_EQ(Summarise({-1, 1}).rsd, 0);  // no relative deviation from a mean of 0
+}
+
+}  // namespace
+}  // namespace volalign::metrics_test
+
+namespace volalign::refine_internal::factor_test {
+namespace {
+
+TEST(Factor, SolvesWhereThereIsOne) {
+  Eigen::Matrix3d matrix;
+  matrix << 4, 1, 0, 1, 3, -1, 0, -1, 2;
+  const auto factor = Factor(matrix);
+  ASSERT_TRUE(factor.has_value());
+  const Eigen::Vector3d b(1, 2, 3);
+  EXPECT_LT((matrix * factor->solve(b) - b).norm(), 1e-12);
+  EXPECT_NEAR(LogRoot(*factor), 0.5 * std::log(matrix.determinant()), 1e-12);
+}
+
+TEST(Factor, IsNothingElsewhere) {
+  Eigen::Matrix2d indefinite;
+  indefinite << 1, 2, 2, 1;
+  EXPECT_FALSE(Factor(indefinite));
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity(), 0.0, -1.0}) {
+    Eigen::Matrix2d matrix = Eigen::Matrix2d::Identity();
+    matrix(1, 1) = bad;
+    EXPECT_FALSE(Factor(matrix)) << bad;
+  }
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::factor_test

@@ -1,6 +1,7 @@
 #include "core/json/json_archive.h"
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <cmath>
 #include <limits>
@@ -11,6 +12,8 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/json/strict_json.h"
+#include "core/json/table.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::json_archive_test {
@@ -251,3 +254,119 @@ TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
 
 }  // namespace
 }  // namespace volalign::json_archive_test
+
+namespace volalign::strict_json_test {
+namespace {
+
+std::string Nested(int levels) {
+  return std::string(static_cast<std::size_t>(levels), '[') +
+         std::string(static_cast<std::size_t>(levels), ']');
+}
+
+TEST(ParseStrictJson, LimitsDepth) {
+  EXPECT_EQ(ParseStrictJson(Nested(kMaxJsonDepth), "a.json").size(), 1u);
+  ExpectError<DataError>([] { ParseStrictJson(Nested(kMaxJsonDepth + 1), "a.json"); },
+                         {"a.json", "64 levels"});
+  // Deep enough to end the program where a value is written to a message by recursion.
+  ExpectError<DataError>([] { ParseStrictJson("{\"a\":" + Nested(200000) + "}", "a.json"); },
+                         {"a.json", "64 levels"});
+  ExpectError<DataError>([] { ParseBoundedJson(Nested(200000), "a.json"); }, {"64 levels"});
+}
+
+TEST(ParseStrictJson, LimitsValues) {
+  std::string many = "[0";
+  many.reserve(2 * kMaxJsonValues + 3);
+  for (std::size_t i = 0; i < kMaxJsonValues; ++i) many += ",0";
+  ExpectError<DataError>([&] { ParseStrictJson(many + "]", "a.json"); }, {"4000000 values"});
+}
+
+TEST(ParseStrictJson, RefusesWhatIsNotStrict) {
+  ExpectError<DataError>([] { ParseStrictJson("{\"a\":1,\"a\":2}", "a.json"); }, {"twice"});
+  ExpectError<DataError>([] { ParseStrictJson("[null]", "a.json"); }, {"null"});
+  EXPECT_TRUE(ParseBoundedJson("[null]", "a.json")[0].is_null());
+  EXPECT_EQ(ParseBoundedJson("{\"a\":1,\"a\":2}", "a.json")["a"], 2);
+  for (const auto& parse : {ParseStrictJson, ParseBoundedJson})
+    ExpectError<DataError>([&] { parse("{", "a.json"); }, {"a.json: not valid JSON"});
+}
+
+// Messages quote values, keys and texts of the file, of whatever length.
+TEST(JsonObject, MessagesAreShort) {
+  const std::string long_text(1000000, 'a');
+  const auto message_of = [](const auto& call) -> std::string {
+    try {
+      call();
+    } catch (const DataError& error) {
+      return error.what();
+    }
+    ADD_FAILURE() << "nothing was thrown";
+    return "";
+  };
+  const nlohmann::json number = {{"n", long_text}}, key = {{long_text, 1}};
+  for (const std::string& message :
+       {message_of([&] { JsonObject(number, "a.json").Number("n"); }),
+        message_of([&] { JsonObject(key, "a.json").RejectOthers(); }),
+        message_of([&] { ParseStrictJson("{\"a\": " + long_text + "}", "a.json"); }),
+        message_of([&] {
+          ParseStrictJson("{\"" + long_text + "\":1,\"" + long_text + "\":2}", "a.json");
+        })}) {
+    EXPECT_LT(message.size(), 400u);
+    EXPECT_EQ(message.rfind("a.json", 0), 0u) << message;
+  }
+  EXPECT_EQ(ShownJson({1, "a\x7f"}), "[1,\"a\\x7f\"]");
+}
+
+}  // namespace
+}  // namespace volalign::strict_json_test
+
+namespace volalign::table_test {
+namespace {
+
+Table TwoSensors() {
+  Table table;
+  table.columns = {"sensor", {"rms_m", "rms mm", 1000, 1}, "sides", "refined", {"reason", ""}};
+  table.rows = {{std::string("a,\"b\""), 0.0123, CellOf(9), true, std::string("none")},
+                {std::string("c"), Table::Cell(), CellOf(std::size_t{10}), false, Table::Cell()}};
+  return table;
+}
+
+TEST(FormatTable, AlignsTextInItsUnits) {
+  EXPECT_EQ(FormatTable(TwoSensors(), TableFormat::kText),
+            "sensor  rms mm  sides  refined\n"
+            "a,\"b\"     12.3      9  yes\n"
+            "c                  10  no\n");
+}
+
+TEST(FormatTable, LeavesOutWhatNoRowHas) {
+  Table table = TwoSensors();
+  for (auto& row : table.rows) row[1] = Table::Cell();
+  EXPECT_EQ(FormatTable(table, TableFormat::kText).rfind("sensor  sides  refined\n", 0), 0u);
+  table.rows[0][0] = "a\n\xff";
+  EXPECT_NE(FormatTable(table, TableFormat::kText).find("a\\x0a\\xff"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(FormatTable(table, TableFormat::kJson))[0].at("sensor"),
+            "a\\x0a\\xff");
+  table.rows.clear();
+  EXPECT_NE(FormatTable(table, TableFormat::kText).find("rms mm"), std::string::npos);
+}
+
+TEST(FormatTable, QuotesCsv) {
+  EXPECT_EQ(FormatTable(TwoSensors(), TableFormat::kCsv),
+            "sensor,rms_m,sides,refined,reason\r\n"
+            "\"a,\"\"b\"\"\",0.0123,9,yes,none\r\n"
+            "c,,10,no,\r\n");
+}
+
+TEST(FormatTable, JsonHasObjectsOfWhatIsKnown) {
+  Table table = TwoSensors();
+  table.rows[1][1] = std::numeric_limits<double>::infinity();
+  const nlohmann::json json = nlohmann::json::parse(FormatTable(table, TableFormat::kJson));
+  ASSERT_EQ(json.size(), 2u);
+  EXPECT_EQ(json[0].at("sensor"), "a,\"b\"");
+  EXPECT_EQ(json[0].at("rms_m"), 0.0123);
+  EXPECT_TRUE(json[0].at("sides").is_number_integer());
+  EXPECT_EQ(json[0].at("refined"), true);
+  EXPECT_EQ(json[0].at("reason"), "none");
+  EXPECT_EQ(json[1].size(), 3u) << json[1];
+}
+
+}  // namespace
+}  // namespace volalign::table_test

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <string>
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/plot/picture_text.h"
+#include "core/plot/svg.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::picture_test {
@@ -141,3 +144,92 @@ TEST(Shelves, FillsRowsWithPicturesOfDifferentSizes) {
 
 }  // namespace
 }  // namespace volalign::picture_test
+
+namespace volalign::picture_text_test {
+namespace {
+
+/// The picture as text: '#' where it has ink.
+std::vector<std::string> Ink(const RgbImage& picture) {
+  std::vector<std::string> rows;
+  for (int v = 0; v < picture.height(); ++v) {
+    rows.emplace_back();
+    for (int u = 0; u < picture.width(); ++u) rows.back() += picture(u, v).r > 0 ? '#' : '.';
+  }
+  return rows;
+}
+
+std::vector<std::string> Drawn(const std::string& text) {
+  RgbImage picture(kTextWidth * CountCharacters(text), kTextHeight);
+  DrawText(&picture, 0, 0, text, {255, 255, 255});
+  return Ink(picture);
+}
+
+TEST(DrawText, LettersAreWhatTheyAre) {
+  const std::vector<std::string> expected = {
+      "............", "............", "..#...#####.", ".#.#..#.....", "#...#.#.....",
+      "#...#.#.....", "#...#.####..", "#####.#.....", "#...#.#.....", "#...#.#.....",
+      "#...#.#####.", "............", "............"};
+  EXPECT_EQ(Drawn("AE"), expected);
+}
+
+TEST(DrawText, IsLatin1AndABoxForAllElse) {
+  const std::vector<std::string> box = Drawn("\xff");  // no UTF-8
+  EXPECT_EQ(Drawn("\xe2\x82\xac"), box);               // beyond Latin-1
+  for (const char* letter : {"!", "~", "\xc2\xa1", "\xc3\xa9", "\xc3\xbf"})
+    EXPECT_NE(Drawn(letter), box) << letter;
+  EXPECT_NE(Drawn("\xc3\xa9"), Drawn("e"));
+}
+
+TEST(DrawText, WhatLiesOutsideIsLeftOut) {
+  RgbImage picture(8, 8);
+  DrawText(&picture, -3, -3, "MMM", {255, 255, 255});
+  DrawText(&picture, 5, 6, "MMM", {255, 255, 255});
+  FillRectangle(&picture, 6, 6, 100, 100, {9, 9, 9});
+  FillRectangle(&picture, -5, -5, 3, 3, {9, 9, 9});
+  EXPECT_EQ(picture(7, 7), (Rgb{9, 9, 9}));
+  EXPECT_FALSE(picture(0, 0) == (Rgb{9, 9, 9}));
+}
+
+TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
+  EXPECT_EQ(Shortened("abcdef", 6), "abcdef");
+  EXPECT_EQ(Shortened("abcdefg", 6), "abcd..");
+  EXPECT_EQ(Shortened("\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9", 3), "\xc3\xa9..");
+  EXPECT_EQ(CountCharacters("\xc3\xa9t\xc3\xa9"), 3);
+}
+
+}  // namespace
+}  // namespace volalign::picture_text_test
+
+namespace volalign::svg_test {
+namespace {
+
+TEST(Svg, IsTheseElements) {
+  Svg svg(20, 10, ".a{stroke:#444}", -5);
+  svg.Line({0, 1}, {2, 3.25}, "class=\"a\"");
+  svg.Polygon({{0, 0}, {1, 0}, {1, 1}}, "fill=\"none\"");
+  svg.TurnedText({3, 4}, -90, "up", "text-anchor=\"middle\"");
+  EXPECT_EQ(svg.Finished(),
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"10\" "
+            "viewBox=\"-5 0 20 10\" font-family=\"sans-serif\" font-size=\"13\">\n"
+            "<style>text{fill:#222}.a{stroke:#444}</style>\n"
+            "<rect x=\"-5\" width=\"20\" height=\"10\" fill=\"#fff\"/>\n"
+            "<line x1=\"0.0\" y1=\"1.0\" x2=\"2.0\" y2=\"3.2\" class=\"a\"/>\n"
+            "<polygon points=\"0.0,0.0 1.0,0.0 1.0,1.0 \" fill=\"none\"/>\n"
+            "<text x=\"3.0\" y=\"4.0\" text-anchor=\"middle\" "
+            "transform=\"rotate(-90 3.0 4.0)\">up</text>\n"
+            "</svg>\n");
+}
+
+TEST(Svg, EscapesTextsAndTitles) {
+  Svg svg(1, 1);
+  svg.Text({0, 0}, "a<b & c>d");
+  svg.Rectangle({0, 0}, 1, 1, "", "x<y");
+  svg.Polygon({{0, 0}}, "", "</polygon>");
+  const std::string text = svg.Finished();
+  EXPECT_NE(text.find(">a&lt;b &amp; c&gt;d</text>"), std::string::npos) << text;
+  EXPECT_NE(text.find("<title>x&lt;y</title></rect>"), std::string::npos) << text;
+  EXPECT_NE(text.find("<title>&lt;/polygon&gt;</title></polygon>"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace volalign::svg_test

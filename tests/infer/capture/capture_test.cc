@@ -2,14 +2,24 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <fstream>
+#include <map>
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/random.h"
 #include "core/formats/image_io.h"
+#include "core/geometry/typical_intrinsics.h"
+#include "infer/capture/capture_draft.h"
+#include "infer/capture/capture_folder.h"
+#include "infer/capture/mean_depth.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
@@ -233,3 +243,490 @@ TEST_F(CaptureTest, OverridesWhatARecordingSays) {
 
 }  // namespace
 }  // namespace volalign::capture_test
+
+namespace volalign::capture_draft_test {
+namespace {
+
+constexpr char kIntrinsics[] =
+    R"({"width": 4, "height": 3, "fx": 5, "fy": 5.5, "cx": 1.5, "cy": 1})";
+
+class CaptureDraftTest : public ::testing::Test {
+ protected:
+  void WriteDepth(const std::string& name) { WritePng(folder_ / name, Image16(4, 3, 2000)); }
+  void WriteText(const std::string& name, const std::string& text) {
+    WriteFileAtomically(folder_ / name, text);
+  }
+  nlohmann::json Draft(const CaptureDraftOptions& options = {}) {
+    draft_ = DraftCapture(folder_.path(), folder_.path(), options);
+    return nlohmann::json::parse(draft_.json).at("sensors");
+  }
+  static bool Mentions(const std::vector<std::string>& sentences, const std::string& a,
+                       const std::string& b) {
+    return std::any_of(sentences.begin(), sentences.end(), [&](const std::string& sentence) {
+      return sentence.find(a) != std::string::npos && sentence.find(b) != std::string::npos;
+    });
+  }
+
+  TempFolder folder_;
+  CaptureDraft draft_;
+};
+
+TEST_F(CaptureDraftTest, AFolderASensor) {
+  WriteDepth("left/depth_9.png");
+  WriteDepth("left/depth_10.png");
+  WriteDepth("left/ir_9.png");
+  WriteText("left/calib.yaml",
+            "image_width: 4\nimage_height: 3\nK: [5, 0, 1.5, 0, 5.5, 1, 0, 0, 1]\n");
+  WriteDepth("right/0001.png");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  options.sensor = "kinect_v2";
+  const nlohmann::json sensors = Draft(options);
+  ASSERT_EQ(sensors.size(), 2u);
+  EXPECT_EQ(sensors[0]["name"], "left");
+  EXPECT_EQ(sensors[0]["depth"],
+            (std::vector<std::string>{"left/depth_9.png", "left/depth_10.png"}));
+  EXPECT_EQ(sensors[0]["sensor"], "kinect_v2");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.001);
+  EXPECT_EQ(sensors[0]["intrinsics"]["fy"], 5.5);
+  EXPECT_EQ(sensors[1]["name"], "right");
+  EXPECT_EQ(sensors[1]["depth"], "right/0001.png");
+  // Another sensor's intrinsics are not taken for its own.
+  EXPECT_FALSE(sensors[1].contains("intrinsics"));
+  EXPECT_EQ(draft_.unknown.size(), 1u);
+  EXPECT_TRUE(Mentions(draft_.unknown, "right", "intrinsics"));
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "ir_9.png"));
+  EXPECT_TRUE(Mentions(draft_.found, "left: ", "the typical one of kinect_v2"));
+}
+
+TEST_F(CaptureDraftTest, SaysWhichLensIsAssumedAndWhy) {
+  const auto write = [&](const std::string& name, const std::string& distortion) {
+    WriteDepth(name + "_depth.png");
+    WriteText(name + "_intrinsics.json",
+              R"({"width": 4, "height": 3, "fx": 5, "fy": 5, "cx": 1.5, "cy": 1, "distortion": )" +
+                  distortion + "}");
+  };
+  write("A", "[]");
+  write("B", "[0, 0, 0, 0]");
+  write("C", "[0.1, 0, 0, 0]");
+  write("D", "[]");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is taken as unknown", "no kind of sensor"));
+  EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
+  EXPECT_TRUE(Mentions(draft_.found, "C: the lens is that of the distortion", ""));
+  options.sensor = "azure_kinect_wfov_binned";
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: ", "the typical one of azure_kinect_wfov_binned"));
+  EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
+  options.sensor = "oak_d";
+  Draft(options);
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: taken as rectified", "oak_d delivers rectified"));
+  options.sensor = "femto_bolt";
+  ExpectError<ConfigError>([&] { Draft(options); }, {"femto_bolt", "orbbec_femto", "oak_d"});
+}
+
+TEST_F(CaptureDraftTest, AFlatFolder) {
+  WriteDepth("KA03_Depth.png");
+  WriteDepth("cam_1_depth_0001.png");
+  WriteDepth("cam_1_depth_0002.png");
+  WriteDepth("cam2.png");
+  WriteDepth("depth_KA07.png");
+  WriteDepth("KA03_color.png");
+  WriteDepth("KA03_Labels.png");
+  WriteText("KA03.json", kIntrinsics);
+  WriteText("intrinsics.json", kIntrinsics);
+  WriteText("notes.json", "{\"by\": \"me\"}");
+  const nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 4u);
+  std::map<std::string, nlohmann::json> by_name;
+  for (const nlohmann::json& sensor : sensors) by_name[sensor["name"]] = sensor;
+  EXPECT_EQ(by_name["cam_1"]["depth"].size(), 2u);
+  EXPECT_EQ(by_name["cam2"]["depth"], "cam2.png");
+  EXPECT_EQ(by_name["KA07"]["depth"], "depth_KA07.png");
+  EXPECT_EQ(by_name["KA03"]["depth"], "KA03_Depth.png");
+  for (const nlohmann::json& sensor : sensors) {
+    EXPECT_TRUE(sensor.contains("intrinsics")) << sensor;
+    EXPECT_FALSE(sensor.contains("depth_scale")) << "units are never guessed";
+    EXPECT_TRUE(Mentions(draft_.unknown, sensor["name"].get<std::string>() + ": depth_scale",
+                         "2 m at 0.001"));
+  }
+  EXPECT_TRUE(Mentions(draft_.found, "KA03", "of KA03.json"));
+  EXPECT_TRUE(Mentions(draft_.found, "cam2", "of intrinsics.json"));
+  EXPECT_TRUE(Mentions(draft_.found, "cam2", "rectified"));
+}
+
+TEST_F(CaptureDraftTest, RecordingsStateAll) {
+  std::filesystem::copy("tests/infer/formats/recordings/realsense.bag", folder_ / "front.bag");
+  std::filesystem::create_directories(folder_ / "back");
+  std::filesystem::copy("tests/infer/formats/recordings/kinect.mkv", folder_ / "back/output.mkv");
+  const nlohmann::json sensors = Draft();
+  EXPECT_TRUE(draft_.unknown.empty()) << draft_.unknown.front();
+  EXPECT_EQ(sensors[0]["name"], "front");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.0001);
+  EXPECT_EQ(sensors[0]["serial"], "918512071234");
+  EXPECT_EQ(sensors[1]["name"], "back");
+  EXPECT_EQ(sensors[1]["depth"], "back/output.mkv");
+  EXPECT_EQ(sensors[1]["intrinsics"]["distortion"].size(), 8u);
+  // What it writes can be read.
+  WriteText("capture.json", draft_.json);
+  const Capture capture = ReadCapture(folder_ / "capture.json");
+  EXPECT_EQ(capture.sensors.size(), 2u);
+  EXPECT_EQ(capture.sensors[1].depth_scale, 0.001);
+}
+
+TEST_F(CaptureDraftTest, NamesThatNoCaptureCanHaveAreSaid) {
+  WriteDepth("-rf_depth.png");
+  EXPECT_EQ(Draft()[0]["name"], "sensor");
+  WriteDepth(
+      "K\xfc"
+      "che_depth.png");
+  ExpectError<DataError>([&] { Draft(); }, {"K\\xfc"
+                                            "che_depth.png",
+                                            "not UTF-8", "rename"});
+}
+
+TEST_F(CaptureDraftTest, TypicalIntrinsicsAreAskedForAndMarked) {
+  WriteDepth("own_depth.png");
+  WriteText("own_intrinsics.json", kIntrinsics);
+  WriteDepth("typical_depth.png");
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  options.sensor = "kinect_v1";
+  options.structure = folder_ / "boxes.yaml";
+  options.typical = true;
+  nlohmann::json sensors = Draft(options);
+  EXPECT_EQ(nlohmann::json::parse(draft_.json)["structure"], "boxes.yaml");
+  EXPECT_FALSE(sensors[0].contains("typical_intrinsics"));
+  EXPECT_EQ(sensors[0]["intrinsics"]["fx"], 5);
+  // By the pool for 640x480.
+  const std::optional<Intrinsics> typical = TypicalIntrinsics("kinect_v1", 4, 3);
+  ASSERT_TRUE(typical);
+  EXPECT_NEAR(typical->fx, 580.0 * 4 / 640, 0.2);
+  EXPECT_EQ(sensors[1]["intrinsics"]["fx"], typical->fx);
+  EXPECT_FALSE(sensors[1]["intrinsics"].contains("distortion"));
+  EXPECT_EQ(sensors[1]["typical_intrinsics"], true);
+  EXPECT_TRUE(Mentions(draft_.found, "typical: ", "its pose will be weak"));
+  WriteText("capture.json", draft_.json);
+  const Capture capture = ReadCapture(folder_ / "capture.json");
+  EXPECT_FALSE(capture.sensors[0].typical_intrinsics);
+  EXPECT_TRUE(capture.sensors[1].typical_intrinsics);
+  options.sensor = "kinect_v2";
+  EXPECT_FALSE(Draft(options)[1].contains("intrinsics"));
+  EXPECT_TRUE(Mentions(draft_.unknown, "typical: ", "typical intrinsics of kinect_v2 at 4x3"));
+}
+
+TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
+  ExpectError<IoError>([&] { DraftCapture(folder_ / "none", folder_.path(), {}); }, {"none"});
+  ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read"});
+  WritePng(folder_ / "picture.png", LabelImage(4, 3, 1));
+  ExpectError<DataError>([&] { Draft(); }, {"no depth that can be read", "8 bits"});
+  // Intrinsics of another resolution.
+  WriteDepth("A_depth.png");
+  WriteText("A.json", R"({"width": 8, "height": 6, "fx": 5, "fy": 5, "cx": 3, "cy": 2})");
+  Draft();
+  EXPECT_TRUE(Mentions(draft_.unknown, "A: intrinsics", "8x6"));
+  // Frames of several names: which are depth?
+  WriteDepth("B/first_1.png");
+  WriteDepth("B/second_1.png");
+  Draft();
+  EXPECT_TRUE(Mentions(draft_.unknown, "B", "which of its images"));
+}
+
+// An option that would do nothing is refused, and said where it does something for others alone.
+TEST_F(CaptureDraftTest, OptionsTakeEffectOrAreRefused) {
+  std::filesystem::copy("tests/infer/formats/recordings/realsense.bag", folder_ / "front.bag");
+  WriteText("k.json", kIntrinsics);
+  CaptureDraftOptions options;
+  options.depth_scale = 0.001;
+  ExpectError<ConfigError>([&] { Draft(options); }, {"--depth-scale", "front has 0.0001 m"});
+  options = {};
+  options.depth_scale = 0.0001f;  // the same
+  EXPECT_EQ(Draft(options)[0]["depth_scale"], 0.0001);
+  options = {};
+  options.intrinsics = folder_ / "k.json";
+  ExpectError<ConfigError>([&] { Draft(options); },
+                           {"--intrinsics", "front has those of /device_0"});
+  options = {};
+  options.sensor = "kinect_v2";
+  ExpectError<ConfigError>([&] { Draft(options); }, {"--sensor", "front is a realsense_d415"});
+  WriteDepth("other_depth.png");
+  options.depth_scale = 0.001;
+  options.intrinsics = folder_ / "k.json";
+  const nlohmann::json sensors = Draft(options);
+  EXPECT_EQ(sensors[0]["name"], "other");
+  EXPECT_EQ(sensors[0]["sensor"], "kinect_v2");
+  EXPECT_EQ(sensors[0]["depth_scale"], 0.001);
+  EXPECT_EQ(sensors[1]["depth_scale"], 0.0001);
+  for (const char* option : {"--depth-scale", "--intrinsics", "--sensor"})
+    EXPECT_TRUE(Mentions(draft_.found, option, "front")) << option;
+}
+
+TEST_F(CaptureDraftTest, FilesOfIntrinsicsThatAreNotUnderstood) {
+  WriteDepth("A_depth.png");
+  WriteText("A_intrinsics.txt", std::string("\xff\xfew\0", 4));
+  WriteText("A.xml", "<?xml version=\"1.0\"?>");
+  WriteText("calibration.json", "{\"focal\": 1}");
+  Draft();
+  for (const char* part : {"A_intrinsics.txt: its text is UTF-16", "A.xml: it is XML",
+                           "calibration.json: it has none of the forms"})
+    EXPECT_TRUE(Mentions(draft_.unknown, "A: intrinsics", part)) << part;
+}
+
+TEST_F(CaptureDraftTest, FramesOfOneSensorInAFlatFolder) {
+  const auto write = [&](const std::string& name, int depth) {
+    Image16 image(4, 3);
+    for (std::size_t i = 0; i < image.size(); ++i)
+      image[i] = static_cast<std::uint16_t>(depth + 300 * static_cast<int>(i));
+    WritePng(folder_ / name, image);
+  };
+  // Whatever their numbers are, other views are other sensors.
+  write("001_depth.png", 1000);
+  write("002_depth.png", 3000);
+  EXPECT_EQ(Draft().size(), 2u);
+  write("002_depth.png", 1003);
+  nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 1u);
+  EXPECT_EQ(sensors[0]["name"], "depth");
+  EXPECT_EQ(sensors[0]["depth"].size(), 2u);
+  // Of rs-convert, and by the times of a logger.
+  write("cam_Depth_1623335560.12345.png", 1000);
+  write("cam_Depth_1623335560.45678.png", 1000);
+  write("1623335560123.png", 2000);
+  write("1623335560156.png", 2004);
+  write("frame-1.depth.png", 4000);
+  write("frame-2.depth.png", 4004);
+  // Numbers of sensors.
+  write("KA01_depth.png", 1500);
+  write("KA02_depth.png", 1500);
+  std::map<std::string, std::size_t> frames;
+  for (const nlohmann::json& sensor : Draft())
+    frames[sensor["name"]] = sensor["depth"].is_array() ? sensor["depth"].size() : 1;
+  EXPECT_EQ(frames["cam"], 2u);
+  EXPECT_EQ(frames["frame"], 2u);
+  EXPECT_EQ(frames["KA01"], 1u);
+  EXPECT_EQ(frames["KA02"], 1u);
+}
+
+TEST_F(CaptureDraftTest, PartsOfOneRecording) {
+  for (const char* part : {"r_0.db3", "r_1.db3", "other.db3"})
+    std::filesystem::copy("tests/infer/formats/recordings/realsense.db3", folder_ / part);
+  WriteText("metadata.yaml",
+            "rosbag2_bagfile_information:\n  relative_file_paths:\n    - r_0.db3\n    - r_1.db3\n");
+  const nlohmann::json sensors = Draft();
+  ASSERT_EQ(sensors.size(), 1u);
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "r_1.db3: a later part of the recording r_0.db3"));
+  // Of the same device, with the same view.
+  EXPECT_TRUE(Mentions(draft_.found, "left out", "sees the same"));
+}
+
+}  // namespace
+}  // namespace volalign::capture_draft_test
+
+namespace volalign::capture_folder_test {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> Names(const std::vector<fs::path>& paths) {
+  std::vector<std::string> names;
+  for (const fs::path& path : paths) names.push_back(path.filename().string());
+  return names;
+}
+
+using Words = std::vector<std::string>;
+
+TEST(LookInto, TellsFilesApartByNameAndContent) {
+  const TempFolder folder;
+  for (const char* image : {"frame_10.png", "frame_9.PNG", "frame_9b.tiff", "cam_ir_1.png",
+                            "a-colour.png", "firing.png", "labels.png"})
+    folder.Write(image, "");
+  const std::string intrinsics =
+      R"("width": 640, "height": 480, "fx": 1, "fy": 1, "cx": 1, "cy": 1)";
+  folder.Write("one.bag", "#ROSBAG V2.0\n");
+  folder.Write("k.json", "{" + intrinsics + "}");
+  folder.Write("capture.json",
+               "{\"format\": \"" + std::string(kCaptureFormat) + "\", " + intrinsics + "}");
+  folder.Write("rig.json", "{\"sensors\": [{" + intrinsics + "}]}");
+  folder.Write("k.dat", "{" + intrinsics + "}");
+  folder.Write("notes.txt", "nothing");
+  folder.Write("damaged.mcap", "nothing");
+  fs::create_directory(folder / "sub.png");
+  const FolderContent found = LookInto(folder.path());
+  EXPECT_EQ(Names(found.images),
+            (Words{"firing.png", "frame_9.PNG", "frame_9b.tiff", "frame_10.png"}));
+  EXPECT_EQ(found.left_out, (Words{"a-colour.png", "cam_ir_1.png", "labels.png"}));
+  EXPECT_EQ(Names(found.recordings), Words{"one.bag"});
+  EXPECT_EQ(Names(found.intrinsics), Words{"k.json"});
+  ASSERT_EQ(found.not_read.size(), 1u);
+  EXPECT_EQ(found.not_read[0].rfind("damaged.mcap: ", 0), 0u);
+  ASSERT_EQ(found.not_understood.size(), 1u);
+  EXPECT_EQ(found.not_understood[0].rfind("notes.txt: ", 0), 0u);
+}
+
+TEST(IsNamedAsFrame, TellsFramesFromSensors) {
+  for (const char* frame : {"000001", "000001_depth", "frame_7", "img3", "1623335560123",
+                            "1305031102.160407", "frame-000000.depth"})
+    EXPECT_TRUE(IsNamedAsFrame(frame)) << frame;
+  for (const char* sensor : {"1", "01", "KA03", "cam_2", "918512071234", "918512071234_depth", "a"})
+    EXPECT_FALSE(IsNamedAsFrame(sensor)) << sensor;
+}
+
+TEST(ComesBefore, CountsNumbersAsNumbers) {
+  const Words order = {"a", "a1", "a02", "a2b", "a10", "a10b1", "a10b11", "b"};
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (std::size_t j = 0; j < order.size(); ++j)
+      EXPECT_EQ(ComesBefore(order[i], order[j]), i < j) << order[i] << " " << order[j];
+  }
+  EXPECT_TRUE(ComesBefore("z/a1", "b/a2"));  // the names alone
+}
+
+TEST(NameBesideDepth, IsTheSensorsOfTheFile) {
+  EXPECT_EQ(NameBesideDepth("KA03_Depth_0007"), "KA03");
+  EXPECT_EQ(NameBesideDepth("Left-depth"), "Left");
+  EXPECT_EQ(NameBesideDepth("depth_Cam2"), "Cam2");
+  EXPECT_EQ(NameBesideDepth("Depth12"), "");
+  EXPECT_EQ(NameBesideDepth("cam2_z16"), "cam2");
+  EXPECT_EQ(NameBesideDepth("a.depthmap - 12"), "a");
+  EXPECT_EQ(NameBesideDepth("depth depth_x"), "depth_x");
+  EXPECT_EQ(NameBesideDepth("depth_depth_1"), "depth");
+  EXPECT_FALSE(NameBesideDepth("depthx"));
+  EXPECT_FALSE(NameBesideDepth("frame_0007"));
+  EXPECT_EQ(WithoutNumber("frame_0007"), "frame_");
+  EXPECT_EQ(WithoutNumber("a1b"), "a1b");
+  EXPECT_EQ(WithoutNumber("007"), "");
+}
+
+}  // namespace
+}  // namespace volalign::capture_folder_test
+
+namespace volalign::mean_depth_test {
+namespace {
+
+/// The values of one pixel in several files.
+SensorFrame MeanOf(const std::vector<float>& values, double scale, bool whole = true) {
+  std::vector<StoredDepth> images;
+  for (const float value : values) images.push_back({Image<float>(1, 1, value), whole});
+  SensorFrame frame;
+  frame.depth_scale = scale;
+  SetMeanDepth(images, &frame);
+  return frame;
+}
+
+TEST(SetMeanDepth, OneImageIsTakenAsItIs) {
+  SensorFrame frame;
+  frame.depth_scale = 0.0001;
+  Image<float> values(3, 2);
+  for (int i = 0; i < 6; ++i) values[static_cast<std::size_t>(i)] = 1000.0f * static_cast<float>(i);
+  SetMeanDepth({{values, true}}, &frame);
+  ASSERT_EQ(frame.depth.width(), 3);
+  ASSERT_EQ(frame.depth.height(), 2);
+  for (int i = 0; i < 6; ++i)
+    EXPECT_FLOAT_EQ(frame.depth[static_cast<std::size_t>(i)], 0.1f * static_cast<float>(i));
+  EXPECT_TRUE(frame.depth_sigma.empty());
+}
+
+// By hand, in millimetres: the median, the deviation that 68 % keep, the mean of the values within
+// three of these, and that deviation over the root of the number of values.
+TEST(SetMeanDepth, IsTheMeanNearTheMedian) {
+  struct Case {
+    std::vector<float> values;
+    double mean, sigma;
+  };
+  const Case cases[] = {
+      {{1000, 1002, 1004}, 1002, 2 / std::sqrt(3)},
+      {{1004, 1000, 1002}, 1002, 2 / std::sqrt(3)},
+      {{1000, 1000, 1000, 1000}, 1000, 0.3 / 2},     // rounded to steps
+      {{1000, 1000, 1000, 1001}, 1000.25, 0.3 / 2},  // a step is near
+      {{1000, 1000, 1000, 1002}, 1000, 0.3 / 2},     // two are not
+      {{0, 1500, 0}, 0, 0},                          // what is measured once
+      {{0, 0, 0}, 0, 0},
+      {{1000, 2000, 1000, 2000, 1000}, 1000, 1000 / std::sqrt(5)},  // of two surfaces the nearer
+      {{1000, 2000, 2000, 1000}, 1000, 1000 / 2.0},                 // and of as many of each
+      {{1000, 1040, 960, 1050, 950}, 1000, 50 / std::sqrt(5)},      // a jump is 45 mm at 1 m
+      {{0, 2000, 2010, 1990, 0}, 2000, 10 / std::sqrt(3)},
+  };
+  for (const Case& c : cases) {
+    const SensorFrame frame = MeanOf(c.values, 0.001);
+    EXPECT_NEAR(1000 * frame.depth[0], c.mean, 1e-3) << c.values[0] << " " << c.values[1];
+    EXPECT_NEAR(1000 * frame.depth_sigma[0], c.sigma, 1e-3) << c.values[0] << " " << c.values[1];
+  }
+}
+
+TEST(SetMeanDepth, UnitsAreTheFilesOwn) {
+  const SensorFrame fine = MeanOf({10000, 10020, 10040}, 0.0001);
+  EXPECT_NEAR(fine.depth[0], 1.002, 1e-6);
+  EXPECT_NEAR(fine.depth_sigma[0], 0.002 / std::sqrt(3), 1e-7);
+  // Metres are stored as floats: no step of a metre, but one of 0.1 mm.
+  const SensorFrame metres = MeanOf({1, 1, 1, 1}, 1, false);
+  EXPECT_NEAR(metres.depth_sigma[0], 0.3e-4 / 2, 1e-9);
+  EXPECT_NEAR(MeanOf({1, 1.002f, 1.004f}, 1, false).depth[0], 1.002, 1e-6);
+}
+
+// The standard error is that of many means of frames with a known error.
+TEST(SetMeanDepth, SigmaIsTheStandardError) {
+  constexpr int kPixels = 4000, kFrames = 25;
+  constexpr double kSigma = 6;  // mm
+  RandomStream random(7, 0, "mean depth");
+  std::vector<StoredDepth> images;
+  for (int k = 0; k < kFrames; ++k) {
+    Image<float> values(kPixels, 1);
+    for (float& value : values)
+      value = static_cast<float>(std::round(2000 + kSigma * random.Normal()));
+    images.push_back({values, true});
+  }
+  SensorFrame frame;
+  frame.depth_scale = 0.001;
+  SetMeanDepth(images, &frame);
+  double squares = 0, stated = 0;
+  for (std::size_t i = 0; i < kPixels; ++i) {
+    const double error = 1000 * static_cast<double>(frame.depth[i]) - 2000;
+    squares += error * error;
+    stated += 1e6 * static_cast<double>(frame.depth_sigma[i]) * frame.depth_sigma[i];
+  }
+  const double actual = std::sqrt(squares / kPixels);
+  EXPECT_NEAR(actual, kSigma / std::sqrt(kFrames), 0.05);
+  EXPECT_NEAR(std::sqrt(stated / kPixels), actual, 0.1 * actual);
+}
+
+TEST(SetMeanDepth, WhatIsMeasuredOnceOrTwiceOfManyIsNot) {
+  std::vector<StoredDepth> images;
+  for (int k = 0; k < 10; ++k) {
+    Image<float> values(3, 1);
+    for (std::size_t i = 0; i < 3; ++i) values[i] = k <= static_cast<int>(i) ? 2000.0f : 0.0f;
+    images.push_back({values, true});
+  }
+  SensorFrame frame;
+  frame.depth_scale = 0.001;
+  SetMeanDepth(images, &frame);
+  EXPECT_EQ(frame.depth[0], 0);
+  EXPECT_EQ(frame.depth[1], 0);
+  EXPECT_NEAR(frame.depth[2], 2, 1e-6);
+  SetMeanDepth({images[0], images[1]}, &frame);
+  EXPECT_EQ(frame.depth[0], 0);
+  EXPECT_NEAR(frame.depth[1], 2, 1e-6);
+}
+
+// Beyond the frames that are kept, by the median and the deviation of these.
+TEST(MeanDepth, OfManyFramesIsARunningOne) {
+  MeanDepth mean(0.001);
+  constexpr int kFrames = 200;
+  for (int i = 0; i < kFrames; ++i) {
+    Image<float> values(3, 1);
+    values[0] = static_cast<float>(1995 + 5 * (i % 3));  // 1995, 2000, 2005
+    values[1] = i % 4 == 0 ? 5000.0f : 2000.0f;          // a quarter is another surface
+    values[2] = i < 100 ? 0.0f : 3000.0f;                // measured late
+    mean.Add({values, true});
+  }
+  SensorFrame frame;
+  mean.Set(&frame);
+  EXPECT_NEAR(frame.depth[0], 2.0, 1e-4);
+  EXPECT_NEAR(frame.depth_sigma[0], 0.005 / std::sqrt(kFrames), 1e-6);
+  EXPECT_NEAR(frame.depth[1], 2.0, 1e-6);
+  EXPECT_NEAR(frame.depth[2], 3.0, 1e-6);
+  EXPECT_NEAR(frame.depth_sigma[2], 0.0003 / std::sqrt(100), 1e-7);
+}
+
+}  // namespace
+}  // namespace volalign::mean_depth_test

@@ -2,14 +2,22 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/random.h"
+#include "infer/evaluate/items.h"
+#include "infer/evaluate/measure.h"
+#include "infer/evaluate/statistics.h"
 #include "infer/evaluate/storage.h"
 #include "infer/evaluate/tables.h"
+#include "infer/evaluate/variants.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/evaluate/stills.h"
@@ -165,3 +173,412 @@ TEST_F(EvaluateFiles, RejectsAnotherStructure) {
 
 }  // namespace
 }  // namespace volalign::evaluate_test
+
+namespace volalign::items_test {
+namespace {
+
+using testing_infer::PaperStructure;
+
+/// Moving every box by one rigid motion moves the sensors by its inverse, as seen from the boxes.
+TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
+  Vector6d motion;
+  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  const Pose moved = PerturbLeft(motion, Pose::Identity());
+  RigCapture capture;
+  capture.structure = PaperStructure();
+  capture.box_offsets.assign(capture.structure.boxes().size(), moved);
+  const EvaluationStill still = StillOf(capture);
+  EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
+}
+
+TEST(Items, StillsOfPlacementsKeepTheFrameOfTheFirst) {
+  Vector6d motion;
+  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  std::vector<RigCapture> stills(2);
+  for (RigCapture& still : stills) {
+    still.structure = PaperStructure();
+    still.box_offsets.assign(still.structure.boxes().size(), Pose::Identity());
+    still.sensors.resize(1);
+    still.sensors[0].labels = LabelImage(2, 2);
+  }
+  stills[1].box_offsets.assign(stills[0].box_offsets.size(), PerturbLeft(motion, Pose::Identity()));
+  stills[1].sensors[0].structure_from_sensor.translation().x() = 3;
+  stills[1].sensors[0].labels(1, 1) = 4;
+  const EvaluationStill still = StillOf(stills);
+  EXPECT_LT((still.nominal_from_built.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-9);
+  EXPECT_EQ(still.frames.at(0).ground_truth->translation().x(), 0);
+  ASSERT_EQ(still.further.size(), 1u);
+  EXPECT_EQ(still.further[0].frames.at(0).ground_truth->translation().x(), 3);
+  EXPECT_EQ(still.further[0].labels.at(0)(1, 1), 4);
+}
+
+TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
+  RigCapture capture;
+  capture.structure = PaperStructure();
+  capture.box_offsets.assign(capture.structure.boxes().size(), Pose::Identity());
+  CapturedSensor sensor;
+  sensor.sensor = "azure_kinect_nfov_binned";
+  sensor.stated_intrinsics = testing_infer::Kinect();
+  sensor.intrinsics = testing_infer::Kinect();
+  sensor.intrinsics.distortion = {0.1, 0, 0, 0};
+  sensor.intrinsics.fx += 1;
+  capture.sensors = {sensor};
+  const EvaluationStill still = StillOf(capture);
+  EXPECT_TRUE(still.frames.at(0).intrinsics == sensor.stated_intrinsics);
+  EXPECT_EQ(still.frames.at(0).sensor, sensor.sensor);
+}
+
+class RigFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* name : {"rig_ring.yaml", "arc.yaml"}) {
+      series_.files.push_back(
+          folder_
+              .Write(name,
+                     "seed: 4\nstructure_yaw_deg: 10\nsensors:\n"
+                     "  - {name: A, sensor: realsense_d415, image_size: 320x180}\n")
+              .string());
+    }
+  }
+  std::vector<std::string> Names() {
+    std::vector<std::string> names;
+    for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+      names.push_back(item.rig + "/" + item.sensors + "/" + std::to_string(*item.seed));
+    }
+    return names;
+  }
+  /// structure_yaw_deg of the first item's rig, from its identity, the resolved rig.
+  double Yaw() {
+    const std::string identity = RigItems(ReadRigs(series_), series_, nullptr).at(0).identity;
+    const std::string key = "structure_yaw_deg: ";
+    return std::stod(identity.substr(identity.find(key) + key.size()));
+  }
+
+  TempFolder folder_;
+  RigSeries series_;
+};
+
+TEST_F(RigFiles, EveryRigWithEverySensorAndSeed) {
+  EXPECT_EQ(Names(), (std::vector<std::string>{"ring/as the rig/4", "arc/as the rig/4"}));
+  series_.sensors = {"realsense_d415", "azure_kinect_nfov_binned"};
+  series_.seeds = {7, 8};
+  series_.files.resize(1);
+  EXPECT_EQ(Names(), (std::vector<std::string>{"ring/realsense_d415/7", "ring/realsense_d415/8",
+                                               "ring/azure_kinect_nfov_binned/7",
+                                               "ring/azure_kinect_nfov_binned/8"}));
+}
+
+TEST_F(RigFiles, EachSeedTurnsTheStructureByAGoldenAngle) {
+  // 360 deg (1 - 1 / golden ratio) a seed, four of them, on top of the rig's 10 deg.
+  const double golden = 360 * (1 - 2 / (1 + std::sqrt(5.0)));
+  EXPECT_NEAR(Yaw(), std::fmod(10 + 4 * golden, 360), 1e-6);
+  series_.keep_yaw = true;
+  EXPECT_EQ(Yaw(), 10);
+}
+
+TEST_F(RigFiles, EveryNumberOfPlacementsInTurn) {
+  series_.files.resize(1);
+  series_.placements = {1, 3};
+  series_.seeds = {7, 8};
+  std::vector<int> numbers;
+  std::vector<std::string> identities;
+  for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+    numbers.push_back(item.placements);
+    identities.push_back(item.identity);
+  }
+  EXPECT_EQ(numbers, (std::vector<int>{1, 1, 3, 3}));
+  // One placement is the rig as it was.
+  series_.placements.clear();
+  const std::vector<EvaluationItem> plain = RigItems(ReadRigs(series_), series_, nullptr);
+  EXPECT_EQ(plain.at(0).identity, identities[0]);
+  EXPECT_EQ(plain.at(1).identity, identities[1]);
+  EXPECT_NE(identities[2], identities[3]);
+  // A rig's own placements come first; what it has too many of is left out.
+  series_.files = {folder_
+                       .Write("rig_own.yaml",
+                              "sensors: [{name: A}]\nplacements:\n  - {x_cm: 31, z_cm: 0}\n"
+                              "  - {x_cm: 47, z_cm: 0}\n")
+                       .string()};
+  series_.seeds.clear();
+  series_.keep_yaw = true;
+  EXPECT_EQ(RigItems(ReadRigs(series_), series_, nullptr).at(0).placements, 3);
+  series_.placements = {2, 5};
+  const std::vector<EvaluationItem> own = RigItems(ReadRigs(series_), series_, nullptr);
+  EXPECT_NE(own.at(0).identity.find("x_cm: 31"), std::string::npos);
+  EXPECT_EQ(own.at(0).identity.find("x_cm: 47"), std::string::npos);
+  EXPECT_NE(own.at(1).identity.find("x_cm: 47"), std::string::npos);
+  EXPECT_EQ(own.at(1).placements, 5);
+}
+
+TEST_F(RigFiles, BadRigsAreErrors) {
+  series_.changes = {"room_=1"};
+  ExpectError<ConfigError>([&] { ReadRigs(series_); }, {"room_"});
+  series_.changes.clear();
+  series_.files[1] = series_.files[0];
+  ExpectError<ConfigError>([&] { ReadRigs(series_); }, {"two are named ring"});
+}
+
+TEST(Items, ParsesSeeds) {
+  EXPECT_EQ(ParseSeeds("3:6"), (std::vector<std::uint64_t>{3, 4, 5}));
+  EXPECT_EQ(ParseSeeds("7"), (std::vector<std::uint64_t>{7}));
+  EXPECT_EQ(ParseSeeds("9,1"), (std::vector<std::uint64_t>{9, 1}));
+  for (const char* bad : {"", "3:", ":3", "3:3", "5:2", "a", "1,,2", "1,1", "-1", "1.5", "1:2:3"}) {
+    ExpectError<ConfigError>([&] { ParseSeeds(bad); }, {"--seeds"});
+  }
+}
+
+}  // namespace
+}  // namespace volalign::items_test
+
+namespace volalign::measure_test {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::MakeRing;
+using testing_infer::PaperStructure;
+using testing_infer::Ring;
+using testing_infer::StoredSegmenter;
+using testing_infer::TwoVariants;
+
+/// Counts the frames that reach the network behind it.
+class CountingSegmenter : public Segmenter {
+ public:
+  explicit CountingSegmenter(StoredSegmenter inner) : inner_(std::move(inner)) {}
+  std::vector<SegmentationResult> Segment(
+      const std::vector<SegmentationRequest>& requests) override {
+    frames += static_cast<int>(requests.size());
+    return inner_.Segment(requests);
+  }
+  int frames = 0;
+
+ private:
+  StoredSegmenter inner_;
+};
+
+TEST(Measure, LeftDifferenceUndoesPerturbLeft) {
+  RandomStream random(1, 0, "evaluate_test");
+  for (int i = 0; i < 20; ++i) {
+    Vector6d delta, start;
+    for (int j = 0; j < 6; ++j) {
+      delta[j] = random.Normal(0, 0.3);
+      start[j] = random.Normal();
+    }
+    const Pose from = PerturbLeft(start, Pose::Identity());
+    EXPECT_LT((LeftDifference(from, PerturbLeft(delta, from)) - delta).norm(), 1e-9);
+  }
+}
+
+TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
+  Vector6d motion;
+  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  const Pose moved = PerturbLeft(motion, Pose::Identity());
+  Ring ring = MakeRing(std::vector<Pose>(PaperStructure().boxes().size(), moved));
+  ring.still.nominal_from_built = moved.inverse();
+  StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
+  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const EvaluatedSensor& sensor = cases.at(0).results.at(i);
+    const Eigen::Vector3d position = ring.rig.frames[i].ground_truth->translation();
+    ASSERT_TRUE(sensor.nominal && sensor.built);
+    EXPECT_LT(sensor.built->refined.translation_m, 1.5e-3) << sensor.name;
+    EXPECT_LT(sensor.built->refined.rotation_deg, 0.05) << sensor.name;
+    EXPECT_NEAR(sensor.nominal->refined.rotation_deg, 0.005 * 180 / M_PI, 0.05) << sensor.name;
+    EXPECT_NEAR(sensor.nominal->refined.translation_m,
+                (moved.inverse() * position - position).norm(), 1.5e-3)
+        << sensor.name;
+    EXPECT_LT((sensor.nominal->delta - motion).norm(), 3e-3) << sensor.name;
+  }
+}
+
+TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
+  Ring ring = MakeRing();
+  StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
+  Vector6d motion;
+  motion << 0.3, 0, -0.2, 0, 0.6, 0;
+  AddPlacement(PerturbLeft(motion, Pose::Identity()), &ring, &segmenter);
+  // S2 sees the structure at its second place alone.
+  std::fill(ring.still.frames[2].depth.begin(), ring.still.frames[2].depth.end(), 2.0F);
+  std::fill(ring.still.labels[2].begin(), ring.still.labels[2].end(), 0);
+  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  ASSERT_EQ(cases.at(0).results.size(), 3u);
+  for (const EvaluatedSensor& sensor : cases[0].results) {
+    EXPECT_EQ(sensor.sides_fix_pose, true) << sensor.name;
+    ASSERT_TRUE(sensor.nominal) << sensor.name << " " << ToString(sensor.code);
+    EXPECT_LT(sensor.nominal->refined.translation_m, 3e-3) << sensor.name;
+    EXPECT_LT(sensor.nominal->refined.rotation_deg, 0.1) << sensor.name;
+  }
+}
+
+TEST(Measure, TheNetworkSeesEachFrameOnce) {
+  Ring ring = MakeRing();
+  CountingSegmenter segmenter(ring.rig.PerfectSegmenter());
+  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, TwoVariants(), segmenter);
+  EXPECT_EQ(segmenter.frames, 3);
+  ASSERT_EQ(cases.size(), 2u);
+  EXPECT_EQ(cases[0].variant, "network");
+  EXPECT_EQ(cases[1].variant, "paper");
+  // As if each variant had run alone.
+  for (std::size_t i = 0; i < 2; ++i) {
+    StoredSegmenter own = ring.rig.PerfectSegmenter();
+    const CalibrationResult alone =
+        Calibrate(ring.still.frames, ring.still.structure, own, TwoVariants()[i].options);
+    for (std::size_t j = 0; j < 3; ++j) {
+      EXPECT_DOUBLE_EQ(cases[i].results[j].nominal->refined.translation_m,
+                       alone.sensors[j].error->translation_m);
+      EXPECT_DOUBLE_EQ(cases[i].results[j].nominal->initial.translation_m,
+                       alone.sensors[j].initial_error->translation_m);
+    }
+  }
+}
+
+TEST(Measure, ASensorThatSeesEnoughAndFailsIsLost) {
+  Ring ring = MakeRing();
+  StoredSegmenter segmenter;
+  // S0 is segmented well, S1 not at all, S2 truly shows one side and is not segmented either.
+  segmenter.Store(ring.rig.frames[0].depth, Certain(ring.rig.labels[0]));
+  for (std::uint8_t& label : ring.still.labels[2]) {
+    if (ring.still.structure.SideNames().at(0) !=
+        (label ? ring.still.structure.SideOfLabel(label).name : std::string())) {
+      label = 0;
+    }
+  }
+  CalibrateOptions options;
+  options.initial.method = PoseMethod::kNetwork;  // geometry would find all three
+  std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", options}}, segmenter);
+  cases[0].rig = "ring";
+  cases[0].sensors = "kinect";
+  const std::vector<EvaluationSummary> summaries = SummariseCases(cases);
+  ASSERT_EQ(summaries.size(), 1u);
+  EXPECT_EQ(summaries[0].count, 3);
+  EXPECT_EQ(summaries[0].placed, 1);
+  EXPECT_EQ(summaries[0].fixable, 2);
+  EXPECT_EQ(summaries[0].lost, 1);
+  EXPECT_EQ(summaries[0].wrong, 0);
+  const std::string text = FormatEvaluation(cases);
+  EXPECT_NE(text.find("sensor S1: lost (no_structure)"), std::string::npos) << text;
+  EXPECT_EQ(text.find("sensor S2"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace volalign::measure_test
+
+namespace volalign::statistics_test {
+namespace {
+
+EvaluatedSensor Measured(double initial_mm, double refined_mm, double deg) {
+  EvaluatedSensor sensor;
+  sensor.name = "S";
+  sensor.status = SensorStatus::kOk;
+  sensor.sides_fix_pose = true;
+  sensor.nominal =
+      EvaluatedErrors{{initial_mm / 1000, 2 * deg}, {refined_mm / 1000, deg}, Vector6d::Zero()};
+  return sensor;
+}
+
+TEST(Statistics, SummariesAreTheDefinitions) {
+  EvaluatedCase ring{"", "ring", "kinect", "a", 1, {}, {}};
+  for (int i = 1; i <= 21; ++i) ring.results.push_back(Measured(10 * i, i, 0.01 * i));
+  EvaluatedCase arc{"", "arc", "kinect", "a", 1, {Measured(5, 150, 0.1), Measured(5, 1, 6)}, {}};
+  arc.results[0].status = SensorStatus::kWeak;
+  EvaluatedCase other{"", "ring", "d415", "a", 1, {Measured(7, 7, 7)}, {}};
+  const std::vector<EvaluationSummary> all = SummariseCases({ring, arc, other});
+  std::vector<std::string> names;
+  names.reserve(all.size());
+  for (const EvaluationSummary& s : all) names.push_back(s.rig + "/" + s.sensors);
+  EXPECT_EQ(names, (std::vector<std::string>{"ring/kinect", "ring/d415", "arc/kinect",
+                                             "all rigs/kinect", "all rigs/d415", "all rigs/all"}));
+  EXPECT_NEAR(all[0].refined_mm.median, 11, 1e-9);
+  EXPECT_NEAR(all[0].refined_mm.p95, 20, 1e-9);
+  EXPECT_NEAR(all[0].refined_mm.max, 21, 1e-9);
+  EXPECT_NEAR(all[0].initial_mm.median, 110, 1e-9);
+  EXPECT_NEAR(all[0].refined_deg.max, 0.21, 1e-9);
+  EXPECT_NEAR(all[0].initial_deg.max, 0.42, 1e-9);
+  EXPECT_EQ(all[0].wrong, 0);
+  EXPECT_EQ(all[2].wrong, 2);
+  EXPECT_EQ(all[2].weak, 1);
+  EXPECT_EQ(all[5].count, 24);
+  EXPECT_EQ(all[5].wrong, 3);
+}
+
+TEST(Statistics, PlacementsHaveRowsOfTheirOwn) {
+  EvaluatedCase one{"", "ring", "kinect", "a", 1, {Measured(9, 4, 0.1)}, {}};
+  EvaluatedCase four = one;
+  four.placements = 4;
+  four.results[0] = Measured(9, 2, 0.1);
+  EXPECT_EQ(FormatEvaluation({one}).find("| placements |"), std::string::npos);
+  const std::vector<EvaluationSummary> all = SummariseCases({one, four});
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].placements, 1);
+  EXPECT_NEAR(all[0].refined_mm.median, 4, 1e-9);
+  EXPECT_EQ(all[1].placements, 4);
+  EXPECT_NEAR(all[1].refined_mm.median, 2, 1e-9);
+  const std::string text = FormatEvaluation({one, four});
+  EXPECT_NE(text.find("| rig | sensors | placements | variant | initial"), std::string::npos);
+  EXPECT_NE(text.find("| ring | kinect | 4 | a | 9.0"), std::string::npos) << text;
+  EXPECT_NE(text.find("| ring | kinect | 4 | a | 1 of 1 |"), std::string::npos) << text;
+  // A row and its head have as many columns.
+  for (const char* head : {"| rig | sensors | placements | variant | initial",
+                           "| rig | sensors | placements | variant | placed"}) {
+    const std::size_t begin = text.find(head);
+    std::vector<long> columns;
+    for (std::size_t line = begin; columns.size() < 4; line = text.find('\n', line) + 1) {
+      columns.push_back(std::count(text.begin() + static_cast<long>(line),
+                                   text.begin() + static_cast<long>(text.find('\n', line)), '|'));
+    }
+    EXPECT_EQ(columns, std::vector<long>(4, columns[0])) << head;
+  }
+}
+
+TEST(Statistics, IntervalsOfNormalErrorsCoverWhatTheySay) {
+  RandomStream random(3, 0, "evaluate_test");
+  EvaluatedCase one{"", "ring", "kinect", "a", 1, {}, {}};
+  for (int i = 0; i < 4000; ++i) {
+    EvaluatedSensor sensor = Measured(1, 1, 1);
+    sensor.built = sensor.nominal;
+    for (int j = 0; j < 6; ++j) {
+      sensor.sigma[j] = 0.001 * (j + 1);
+      sensor.nominal->delta[j] = random.Normal(0, sensor.sigma[j]);
+      sensor.built->delta[j] = 2 * sensor.nominal->delta[j];
+    }
+    one.results.push_back(sensor);
+  }
+  const EvaluationSummary summary = SummariseCases({one}).at(0);
+  EXPECT_NEAR(summary.cover68, 0.68, 0.01);
+  EXPECT_NEAR(summary.cover95, 0.95, 0.005);
+  // P(|z| < 0.4972) and P(|z| < 0.98) of the standard normal.
+  EXPECT_NEAR(summary.built_cover68, 0.381, 0.01);
+  EXPECT_NEAR(summary.built_cover95, 0.673, 0.01);
+}
+
+}  // namespace
+}  // namespace volalign::statistics_test
+
+namespace volalign::variants_test {
+namespace {
+
+TEST(Variants, OneAValueOverTheSharedOptions) {
+  ConfigSource source;
+  source.Set("refine.box_sigma_m=0.007");
+  const auto variants = ReadVariants(source, "initial.method=paper,network");
+  ASSERT_EQ(variants.size(), 2u);
+  EXPECT_EQ(variants[0].name, "paper");
+  EXPECT_EQ(variants[0].options.initial.method, PoseMethod::kPaper);
+  EXPECT_EQ(variants[1].name, "network");
+  EXPECT_EQ(variants[1].options.initial.method, PoseMethod::kNetwork);
+  for (const EvaluationVariant& variant : variants)
+    EXPECT_EQ(variant.options.refine.box_sigma_m, 0.007);
+  const auto alone = ReadVariants(source, "");
+  ASSERT_EQ(alone.size(), 1u);
+  EXPECT_EQ(alone[0].name, "volalign");
+  EXPECT_EQ(alone[0].options.refine.box_sigma_m, 0.007);
+}
+
+TEST(Variants, BadOnesAreErrors) {
+  for (const char* bad : {"initial.method", "=1", "initial.method=", "refine.box_sigma_m=0.1,0.1",
+                          "refine.box_sigmas_m=0.1"}) {
+    ExpectError<ConfigError>([&] { ReadVariants(ConfigSource(), bad); });
+  }
+}
+
+}  // namespace
+}  // namespace volalign::variants_test

@@ -1,19 +1,22 @@
-// The forms in which other programs state intrinsics, written here from their documentation, and
-// OpenCV's by OpenCV itself.
-
 #include "infer/formats/intrinsics_file.h"
 
 #include <gtest/gtest.h>
-
 #include <opencv2/core.hpp>
+
+#include <locale>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "infer/formats/kinect_calibration.h"
+#include "infer/formats/lens_names.h"
+#include "infer/formats/printed_intrinsics.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
+// The forms in which other programs state intrinsics, written here from their documentation, and
+// OpenCV's by OpenCV itself.
 namespace volalign::intrinsics_file_test {
 namespace {
 
@@ -235,3 +238,211 @@ TEST(WhyNoText, NamesWhatNoReaderTakes) {
 
 }  // namespace
 }  // namespace volalign::intrinsics_file_test
+
+namespace volalign::formats_internal::printed_intrinsics_test {
+namespace {
+
+TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
+  const std::optional<Intrinsics> found = FromPyrealsense(
+      "depth: [ 640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
+  EXPECT_FALSE(FromPyrealsense("width: 640", "file"));
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[x 240.9]  f[1 2]  Brown Conrady [0 0 0 0 0] ]", "file"); },
+      {"file", "p[...]"});
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[1 2]  f[1 2]  Ftheta [1 0 0 0 0] ]", "file"); },
+      {"file", "Ftheta"});
+}
+
+/// A decimal comma, and points between thousands.
+struct CommaPoint : std::numpunct<char> {
+  char do_decimal_point() const override { return ','; }
+  char do_thousands_sep() const override { return '.'; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
+TEST(FromPyrealsense, WhateverTheLocale) {
+  const std::locale before = std::locale::global(std::locale(std::locale(), new CommaPoint));
+  const auto found = FromPyrealsense(
+      "[ 640x480  p[318.500 240.9]  f[383.300 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
+  std::locale::global(before);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
+}
+
+// Blanks and brackets without end, which a backtracking search would go through by recursion, or
+// from each bracket anew.
+TEST(FromPyrealsense, EndsWithAnyText) {
+  constexpr std::size_t kLong = 400000;
+  std::string brackets;
+  for (std::size_t i = 0; i < kLong / 10; ++i) brackets += "[1x1 p[1 1";
+  for (const std::string& text : {"[" + std::string(kLong, ' '), std::string(kLong, '['), brackets,
+                                  "[1x1  p[1 1] f[1 1] " + std::string(kLong, 'a') + "[0] ]"})
+    EXPECT_FALSE(FromPyrealsense(text, "file"));
+  ExpectError<DataError>([] { FromPyrealsense("[ 9x9  p[1 2 3]  f[4]  None [0] ]", "file"); },
+                         {"two numbers each"});
+}
+
+TEST(FromRsEnumerate, EndsWithAnyText) {
+  constexpr std::size_t kLong = 400000;
+  ExpectError<DataError>(
+      [] {
+        FromRsEnumerate("Intrinsic of \"Depth\"\n" + std::string(kLong, ' '), "file", {1, 1});
+      },
+      {"file", "Width is missing"});
+}
+
+TEST(FromRsEnumerate, TakesTheDepthStreamOfTheFramesSize) {
+  const auto block = [](const std::string& stream, int width, const std::string& fx) {
+    return "Intrinsic of \"" + stream + "\" / {Z16}\n  Width: \t" + std::to_string(width) +
+           "\n  Height: 480\n  PPX: 319.5\n  PPY: 239.25\n  Fx: " + fx +
+           "\n  Fy: 524.25\n  Distortion: Brown Conrady \n  Coeffs: 0.1 0 0 0 0\n\n";
+  };
+  const std::string text = block("Color", 640, "700") + block("Depth", 848, "600") +
+                           block("Depth", 640, "525.5") + block("Infrared", 640, "800");
+  const std::optional<Intrinsics> found = FromRsEnumerate(text, "file", {640, 480});
+  ASSERT_TRUE(found);
+  EXPECT_EQ(*found, (Intrinsics{640, 480, 525.5, 524.25, 319.5, 239.25, {0.1, 0, 0, 0, 0}}));
+  EXPECT_EQ(FromRsEnumerate(text, "file", {848, 480})->fx, 600);
+  ExpectError<DataError>([&] { FromRsEnumerate(text, "file", {1280, 480}); }, {"file", "1280x480"});
+  EXPECT_FALSE(FromRsEnumerate(block("Color", 640, "700"), "file", {640, 480}));
+  // A number of a block that has none is not taken from the next one.
+  ExpectError<DataError>(
+      [&] {
+        FromRsEnumerate(block("Depth", 640, "none") + text, "file", {640, 480});
+      },
+      {"file", "Fx"});
+}
+
+TEST(FromPyorbbec, ReordersTheLens) {
+  const std::string print =
+      "<OBCameraParam depth_intrinsic < fx=504.507 fy=504.528 cx=326.349 cy=343.595 width=640 "
+      "height=576 > \n depth_distortion < k1=16.1704 k2=8.44953 k3=0.324469 k4=16.4805 k5=13.9441 "
+      "k6=1.99604 p1=5.93e-05 p2=-1.47e-05 > \n rgb_intrinsic < fx=1 fy=1 cx=1 cy=1 width=2 "
+      "height=2 > >";
+  const auto k = FromPyorbbec(print, "a.txt");
+  ASSERT_TRUE(k);
+  EXPECT_EQ(k->width, 640);
+  EXPECT_EQ(k->cy, 343.595);
+  EXPECT_EQ(k->distortion, (std::vector<double>{16.1704, 8.44953, 5.93e-05, -1.47e-05, 0.324469,
+                                                16.4805, 13.9441, 1.99604}));
+  EXPECT_FALSE(FromPyorbbec("fx: 3", "a.txt"));
+  EXPECT_THROW(FromPyorbbec("<OBCameraParam depth_intrinsic < fx=1 >", "a.txt"), DataError);
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal::printed_intrinsics_test
+
+namespace volalign::kinect_calibration_test {
+namespace {
+
+std::string Camera(const std::string& is, const std::string& rt) {
+  return "{" + is + ", \"Rt\": " + rt + "}";
+}
+
+std::string Raw(const std::string& cameras) {
+  return R"({"CalibrationInformation": {"Cameras": [)" + cameras + "]}}";
+}
+
+constexpr char kDepth[] = R"("Purpose": "CALIBRATION_CameraPurposeDepth")";
+constexpr char kColour[] = R"("Location": "CALIBRATION_CameraLocationPV0")";
+// A quarter turn about z, and about x.
+constexpr char kTurnedZ[] =
+    R"({"Rotation": [0, -1, 0, 1, 0, 0, 0, 0, 1], "Translation": [0.1, 0.2, 0.3]})";
+constexpr char kTurnedX[] =
+    R"({"Rotation": [1, 0, 0, 0, 0, -1, 0, 1, 0], "Translation": [0.01, 0.02, 0.03]})";
+
+TEST(ReadKinectColour, GoesThroughTheFrameOfTheDevice) {
+  const TempFolder folder;
+  const ColourCamera camera = ReadKinectColour(
+      folder.Write("raw.json", Raw(Camera(kColour, kTurnedX) + ", " + Camera(kDepth, kTurnedZ))));
+  EXPECT_FALSE(camera.intrinsics);
+  const Pose& colour_from_depth = camera.colour_from_depth;
+  // A point of the device's frame, as each camera has it.
+  const Eigen::Vector3d depth(-2 + 0.1, 1 + 0.2, 3 + 0.3), colour(1 + 0.01, -3 + 0.02, 2 + 0.03);
+  EXPECT_LT((colour_from_depth * depth - colour).norm(), 1e-12);
+}
+
+TEST(ReadKinectColour, SaysWhatIsMissing) {
+  const TempFolder folder;
+  const auto expect = [&](const std::string& text, const std::string& part) {
+    const std::filesystem::path path = folder.Write("raw.json", text);
+    ExpectError<DataError>([&] { ReadKinectColour(path); }, {"raw.json", part});
+  };
+  expect("{}", "CalibrationInformation");
+  expect(Raw(Camera(kDepth, kTurnedZ)), "colour camera");
+  expect(Raw(Camera(kColour, kTurnedX)), "depth camera");
+  expect(Raw(Camera(kColour, "{}") + ", " + Camera(kDepth, kTurnedZ)), "Rt");
+  expect(Raw(Camera(kColour, R"({"Rotation": [1, 0], "Translation": [0, 0, 0]})") + ", " +
+             Camera(kDepth, kTurnedZ)),
+         "2 and 3 numbers");
+  EXPECT_THROW(ReadKinectColour(folder / "none.json"), IoError);
+}
+
+// Shares of a chip of 4:3 in the raw calibration; a picture of 16:9 is cut out of its middle.
+TEST(ParseKinectColour, GivesTheIntrinsicsOfThePictures) {
+  const std::string intrinsics =
+      R"(, "Intrinsics": {"ModelType": "CALIBRATION_LensDistortionModelBrownConrady",
+        "ModelParameters": [0.5, 0.52, 0.47, 0.63, 0.1, -2, 1.5, 0.2, -1.9, 1.4, 0, 0, 3e-4, 5e-4]})";
+  const std::string raw = Raw("{" + std::string(kColour) + R"(, "Rt": )" + kTurnedX + intrinsics +
+                              "}, " + Camera(kDepth, kTurnedZ));
+  const Intrinsics k = *ParseKinectColour(raw, "raw", FrameSize{1280, 720}).intrinsics;
+  EXPECT_EQ(k.width, 1280);
+  EXPECT_EQ(k.height, 720);
+  EXPECT_NEAR(k.fx, 0.47 * 1280, 1e-9);
+  EXPECT_NEAR(k.fy, 0.63 * 960, 1e-9);
+  EXPECT_NEAR(k.cx, 0.5 * 1280 - 0.5, 1e-9);
+  EXPECT_NEAR(k.cy, 0.52 * 960 - 120 - 0.5, 1e-9);
+  EXPECT_EQ(k.distortion, (std::vector<double>{0.1, -2, 5e-4, 3e-4, 1.5, 0.2, -1.9, 1.4}));
+  EXPECT_NEAR(ParseKinectColour(raw, "raw", FrameSize{2048, 1536}).intrinsics->cy,
+              0.52 * 1536 - 0.5, 1e-9);
+  ExpectError<DataError>(
+      [&] {
+        ParseKinectColour(raw, "raw", FrameSize{1280, 1000});
+      },
+      {"raw", "1280x1000"});
+}
+
+TEST(FindKinectCamera, GoesByPurposeOrLocation) {
+  const YAML::Node root = YAML::Load(Raw(Camera(kColour, "1") + ", " + Camera(kDepth, "2")));
+  using formats_internal::FindKinectCamera;
+  using formats_internal::KinectCamera;
+  EXPECT_EQ(FindKinectCamera(root, KinectCamera::kColour, "file")["Rt"].as<int>(), 1);
+  EXPECT_EQ(FindKinectCamera(root, KinectCamera::kDepth, "file")["Rt"].as<int>(), 2);
+}
+
+}  // namespace
+}  // namespace volalign::kinect_calibration_test
+
+namespace volalign::formats_internal::lens_names_test {
+namespace {
+
+using Numbers = std::vector<double>;
+
+TEST(NamedLens, TakesOpencvsModelsUnderTheirNames) {
+  const Numbers lens = {0.1, -0.2, 0.001, 0.002, 0.05};
+  for (const char* model :
+       {"plumb_bob", "rational_polynomial", "Brown Conrady", "", "brown-conrady",
+        "RS2_DISTORTION_BROWN_CONRADY", "distortion.brown_conrady"})
+    EXPECT_EQ(NamedLens(model, lens, "file"), lens) << model;
+  for (const char* model : {"equidistant", "Inverse Brown Conrady", "Kannala Brandt4"})
+    ExpectError<DataError>([&] { NamedLens(model, lens, "file"); }, {"file", model});
+}
+
+TEST(NamedLens, ALensWithoutEffectHasAnyName) {
+  EXPECT_EQ(NamedLens("equidistant", {0, 0, 0, 0}, "file"), Numbers(5));
+  EXPECT_EQ(NamedLens("equidistant", {}, "file"), Numbers());
+}
+
+TEST(NamedLens, HasAtMostEightCoefficients) {
+  Numbers lens = {1, 2, 3, 4, 5, 6, 7, 8, 0, 0, 0, 0};
+  EXPECT_EQ(NamedLens("rational_polynomial", lens, "file"), (Numbers{1, 2, 3, 4, 5, 6, 7, 8}));
+  lens[11] = 0.1;
+  ExpectError<DataError>([&] { NamedLens("rational_polynomial", lens, "file"); },
+                         {"file", "12 distortion coefficients"});
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal::lens_names_test

@@ -1,21 +1,32 @@
-// Recordings that other programs wrote: realsense.bag by librealsense 2.56's recorder from a
-// software device, realsense.db3 by that of 2.59, kinect.mkv by ffmpeg and mkvmerge
-// (tests/compat/record_depth.py has the values).
-
 #include "infer/formats/recording.h"
 
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "infer/capture/capture.h"
+#include "infer/formats/byte_reader.h"
+#include "infer/formats/depth_file.h"
+#include "infer/formats/read_budget.h"
+#include "infer/formats/ros_bag.h"
+#include "infer/formats/ros_depth.h"
+#include "infer/formats/unpack.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/infer/formats/bag_writer.h"
 
+// Recordings that other programs wrote: realsense.bag by librealsense 2.56's recorder from a
+// software device, realsense.db3 by that of 2.59, kinect.mkv by ffmpeg and mkvmerge
+// (tests/compat/record_depth.py has the values).
 namespace volalign::recording_test {
 namespace {
 
@@ -359,3 +370,311 @@ TEST(RecordingTest, DamagedRecordings) {
 
 }  // namespace
 }  // namespace volalign::recording_test
+
+// A bag written by hand, after wiki.ros.org/Bags/Format/2.0.
+namespace volalign::formats_internal::ros_bag_test {
+namespace {
+
+using namespace bag_writer;
+
+/// "topic type message" of each.
+std::vector<std::string> MessagesOf(RosBag& bag, std::size_t most = 100) {
+  std::vector<std::string> messages;
+  bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
+    messages.push_back(connection.topic + " " + connection.type + " " + std::string(message));
+    return messages.size() < most;
+  });
+  return messages;
+}
+
+TEST(RosBag, GivesTheMessagesOfItsChunksInOrder) {
+  const TempFolder folder;
+  const std::string depth = Connection(0, "/depth", "sensor_msgs/Image");
+  const std::string info = Connection(3, "/info", "sensor_msgs/CameraInfo");
+  const std::string chunks =
+      Chunk(depth + Message(0, "one")) + Chunk(info + Message(3, "two") + Message(0, "three"));
+  const std::vector<std::string> all = {"/depth sensor_msgs/Image one",
+                                        "/info sensor_msgs/CameraInfo two",
+                                        "/depth sensor_msgs/Image three"};
+  ReadBudget budget;
+  RosBag indexed(folder.Write("a.bag", Bag(chunks, depth + info)), "a.bag", &budget);
+  ASSERT_EQ(indexed.connections().size(), 2u);
+  EXPECT_EQ(indexed.connections().at(3).topic, "/info");
+  EXPECT_EQ(MessagesOf(indexed), all);
+  EXPECT_EQ(MessagesOf(indexed), all);  // again from the start
+  EXPECT_EQ(MessagesOf(indexed, 2), std::vector<std::string>(all.begin(), all.begin() + 2));
+  // Cut off before the index and in the middle of a chunk: what is whole serves.
+  const std::string bytes = Bag(chunks);
+  RosBag cut(folder.Write("b.bag", bytes.substr(0, bytes.size() - 3)), "b.bag", &budget);
+  EXPECT_TRUE(cut.connections().empty());
+  EXPECT_EQ(MessagesOf(cut), std::vector<std::string>{all[0]});
+}
+
+TEST(RosBag, LimitsConnections) {
+  const TempFolder folder;
+  std::string records;
+  for (std::uint32_t i = 0; i < 1001; ++i) records += Connection(i, "/a", "b/C");
+  ReadBudget budget;
+  RosBag bag(folder.Write("a.bag", Bag(records)), "a.bag", &budget);
+  ExpectError<DataError>([&] { MessagesOf(bag); }, {"a.bag", "1000 topics"});
+}
+
+TEST(RosBag, SaysWhatIsDamaged) {
+  const TempFolder folder;
+  ReadBudget budget;
+  const auto expect = [&](const std::string& records, const std::string& part) {
+    RosBag bag(folder.Write("c.bag", Bag(records)), "c.bag", &budget);
+    ExpectError<DataError>([&] { MessagesOf(bag); }, {"c.bag", part});
+  };
+  expect(Chunk(Message(5, "one")), "unknown connection");
+  expect(Chunk("x", "zip"), "\"zip\"");
+  expect(Chunk("no stream of bz2", "bz2"), "bz2");
+  expect(Chunk("no frame of lz4", "lz4"), "lz4");
+  expect(Chunk(Bytes<std::uint32_t>(1000)), "1000 bytes are announced");
+  const auto open = [&](const std::string& bytes) {
+    RosBag(folder.Write("d.bag", bytes), "d.bag", &budget);
+  };
+  EXPECT_THROW(open("#ROSBAG V1.2\n"), DataError);
+  EXPECT_THROW(open("#ROSBAG V2.0\n" + Chunk("")), DataError);
+  EXPECT_THROW(RosBag(folder / "none.bag", "none.bag", &budget), IoError);
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal::ros_bag_test
+
+namespace volalign::formats_internal::ros_depth_test {
+namespace {
+
+TEST(IsDepth, GoesByTheEncodingAndTheName) {
+  EXPECT_TRUE(IsDepth("/a", "16UC1"));
+  EXPECT_TRUE(IsDepth("/a", "32FC1"));
+  EXPECT_TRUE(IsDepth("/camera/Depth/image", "mono16"));
+  EXPECT_FALSE(IsDepth("/camera/infra1/image", "mono16"));
+  EXPECT_FALSE(IsDepth("/camera/depth/image", "rgb8"));
+  for (const char* other : {"/kinect2/sd/image_ir", "/camera/infra1/image_rect_raw",
+                            "/depth_camera/ir/image_raw", "/camera/depth/confidence"})
+    EXPECT_FALSE(IsDepth(other, "16UC1")) << other;
+  for (const char* depth : {"/camera/aligned_depth_to_color/image_raw", "/depth_to_rgb/image_raw",
+                            "/ir_camera/depth/image", "/camera/rgb/image_depth", "/firing/z"})
+    EXPECT_TRUE(IsDepth(depth, "16UC1")) << depth;
+}
+
+TEST(DecodeImage, ReadsRowsOfAnyStepInEitherByteOrder) {
+  RosImage image;
+  image.width = 2;
+  image.height = 2;
+  image.step = 5;  // a byte that is not the picture's
+  image.encoding = "16UC1";
+  const std::string little("\x01\x02\x03\x00x\x00\x00\xff\x00x", 10);
+  image.data = little;
+  StoredDepth depth = DecodeImage(image, "file");
+  EXPECT_TRUE(depth.whole_numbers);
+  EXPECT_EQ(depth.values(0, 0), 0x201);
+  EXPECT_EQ(depth.values(1, 0), 3);
+  EXPECT_EQ(depth.values(0, 1), 0);
+  EXPECT_EQ(depth.values(1, 1), 255);
+  image.big_endian = true;
+  depth = DecodeImage(image, "file");
+  EXPECT_EQ(depth.values(0, 0), 0x102);
+  EXPECT_EQ(depth.values(1, 1), 0xff00);
+  image.height = 3;
+  ExpectError<DataError>([&] { DecodeImage(image, "file"); }, {"file", "2x3"});
+  image.height = 2;
+  image.step = 3;
+  ExpectError<DataError>([&] { DecodeImage(image, "file"); }, {"file", "2x2"});
+}
+
+TEST(DecodeImage, FloatsThatAreNoMeasurementAreZero) {
+  const float values[] = {1.25F, std::nanf(""), std::numeric_limits<float>::infinity(), -1};
+  std::string bytes(sizeof(values), '\0');
+  std::memcpy(bytes.data(), values, sizeof(values));
+  RosImage image;
+  image.width = 4;
+  image.height = 1;
+  image.step = 16;
+  image.encoding = "32FC1";
+  image.data = bytes;
+  const StoredDepth depth = DecodeImage(image, "file");
+  EXPECT_FALSE(depth.whole_numbers);
+  EXPECT_EQ(depth.values(0, 0), 1.25F);
+  for (int u = 1; u < 4; ++u) EXPECT_EQ(depth.values(u, 0), 0) << u;
+}
+
+CameraInfo Info(double fx, const std::vector<double>& lens) {
+  return {{640, 480, fx, fx + 1, 319, 239, lens},
+          {640, 480, fx / 2, fx / 2 + 1, 318, 238, std::vector<double>(5, 0.0)},
+          "plumb_bob",
+          ""};
+}
+
+/// With a frame of the size that Info has.
+void AddStream(const std::string& topic, const std::string& frame, RosContent* content) {
+  RosStream& stream = content->streams[topic];
+  stream.stream = topic;
+  stream.frame = frame;
+  stream.frames.push_back({Image<float>(640, 480), true});
+}
+
+TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
+  RosContent content;
+  AddStream("/device_0/sensor_0/Depth_0/image/data", "Depth", &content);
+  AddStream("/other/depth", "", &content);
+  content.infos["/device_0/sensor_0/Depth_0/info/camera_info"] = Info(500, {0, 0, 0, 0, 0});
+  content.infos["/device_0/sensor_1/Color_0/info/camera_info"] = Info(900, {0, 0, 0, 0, 0});
+  content.units["/device_0/sensor_0/option/Depth Units/value"] = 0.0010000000474974513;
+  AddDevicePair("Name", "Intel RealSense D415", &content.devices["/device_0/info"]);
+  AddDevicePair("Serial Number", "123", &content.devices["/device_0/info"]);
+  const std::vector<RecordedDepth> streams = DescribeStreams(content, "file").streams;
+  ASSERT_EQ(streams.size(), 2u);
+  ASSERT_TRUE(streams[0].intrinsics);
+  EXPECT_EQ(streams[0].intrinsics->fx, 500);
+  EXPECT_EQ(streams[0].intrinsics->fy, 501);
+  EXPECT_EQ(streams[0].intrinsics->cx, 319);
+  EXPECT_EQ(streams[0].intrinsics->cy, 239);
+  EXPECT_EQ(streams[0].depth_scale, 0.001);  // as it was written, not as a float has it
+  EXPECT_EQ(streams[0].device, "Intel RealSense D415");
+  EXPECT_EQ(streams[0].serial, "123");
+  EXPECT_EQ(streams[0].kind, "realsense_d415");
+  // Nothing is said of the other one: ROS's own unit.
+  EXPECT_FALSE(streams[1].intrinsics);
+  EXPECT_EQ(streams[1].depth_scale, 0.001);
+  EXPECT_NE(streams[1].depth_scale_source, streams[0].depth_scale_source);
+  EXPECT_EQ(streams[1].device, "");
+}
+
+// No unit of a recording: the capture has to state one.
+TEST(DescribeStreams, AUnitThatIsNoneIsNotTaken) {
+  for (const double unit : {0.0, -1.0, std::nan(""), HUGE_VAL, 1e-320}) {
+    RosContent content;
+    AddStream("/a/depth", "", &content);
+    content.streams["/a/depth"].depth_scale = 1;
+    content.units["/a/option/Depth Units/value"] = unit;
+    const std::optional<double> scale = DescribeStreams(content, "file").streams[0].depth_scale;
+    EXPECT_EQ(scale.has_value(), unit == 1e-320) << unit;
+  }
+}
+
+TEST(DescribeStreams, ARectifiedImageHasTheCameraWithoutTheLens) {
+  for (const char* name : {"image_rect", "image_raw"}) {
+    RosContent content;
+    const std::string topic = std::string("/camera/depth/") + name;
+    AddStream(topic, "", &content);
+    content.infos["/camera/depth/camera_info"] = Info(500, {0.1, 0, 0, 0, 0});
+    const Intrinsics found = DescribeStreams(content, "file").streams[0].intrinsics.value();
+    const bool rectified = std::string(name) == "image_rect";
+    EXPECT_EQ(found.fx, rectified ? 250 : 500);
+    EXPECT_EQ(found.fy, rectified ? 251 : 501);
+    EXPECT_EQ(found.cx, rectified ? 318 : 319);
+    EXPECT_EQ(found.cy, rectified ? 238 : 239);
+    EXPECT_EQ(found.distortion[0], rectified ? 0 : 0.1);
+  }
+}
+
+TEST(RealSenseTopics, AreKnownByTheirNames) {
+  EXPECT_TRUE(IsDeviceInfo("/device_0/info"));
+  EXPECT_FALSE(IsDeviceInfo("/device_0/sensor_0/info"));
+  EXPECT_FALSE(IsDeviceInfo("/camera/info"));
+  EXPECT_TRUE(IsDepthUnits("/device_0/sensor_0/option/Depth Units/value"));
+  EXPECT_TRUE(IsDepthUnits("/device_0/sensor_0/option/Depth_Units/value"));
+  EXPECT_FALSE(IsDepthUnits("/device_0/sensor_0/option/Depth Units/description"));
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal::ros_depth_test
+
+namespace volalign::read_budget_test {
+namespace {
+
+TEST(ReadBudget, IsOfAllPartsTogether) {
+  ReadBudget budget(100);
+  budget.Unpack(60, "a");
+  ExpectError<DataError>([&] { budget.Unpack(41, "b"); }, {"b: ", "unpacked"});
+  EXPECT_TRUE(budget.Spend(40));
+  EXPECT_FALSE(budget.Spend(1));
+  // What is kept counts by itself, and may be let go.
+  budget.Keep(60, "a");
+  ExpectError<DataError>([&] { budget.Keep(41, "c"); }, {"c: ", "memory"});
+  budget.Drop(60);
+  budget.Keep(100, "a");
+  EXPECT_EQ(budget.kept(), 100u);
+}
+
+TEST(ReadBudget, AFileAllowsMoreOnce) {
+  const TempFolder folder;
+  const auto file = folder.Write("a", std::string(100000, 'x'));
+  ReadBudget budget(0);
+  budget.Open(file);
+  EXPECT_TRUE(budget.Spend(100000));
+  while (budget.Spend(1 << 16)) {
+  }
+  budget.Open(file);
+  EXPECT_FALSE(budget.Spend(1 << 16));
+  budget.Open(folder / "none");
+  EXPECT_FALSE(budget.Spend(1 << 16));
+}
+
+TEST(ReadBudget, CountsThePixelsOfImages) {
+  const TempFolder folder;
+  std::string pgm = "P5 1000 500 65535\n";
+  pgm.resize(pgm.size() + 1000000);
+  const auto file = folder.Write("a.pgm", pgm);
+  ReadBudget budget(0);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(BytesOf(ReadStoredDepth(file, &budget)), 2000000u);
+  ExpectError<DataError>(
+      [&] {
+        for (int i = 0; i < 100; ++i) ReadStoredDepth(file, &budget);
+      },
+      {"a.pgm", "unpacked"});
+}
+
+TEST(UnpackZstd, SaysWhatIsDamaged) {
+  ReadBudget budget;
+  ExpectError<DataError>(
+      [&] { formats_internal::UnpackZstd("\x28\xb5\x2f\xfd", 100, "a", &budget); }, {"a: damaged"});
+  ExpectError<DataError>([&] { formats_internal::UnpackZstd("none", 100, "a", &budget); },
+                         {"a: damaged"});
+}
+
+}  // namespace
+}  // namespace volalign::read_budget_test
+
+namespace volalign::formats_internal {
+namespace {
+
+using std::string_view_literals::operator""sv;  // NOLINT(misc-unused-using-decls): it is used
+
+TEST(ByteReader, TakesLittleEndianValuesInOrder) {
+  const std::string name = "a.mcap";
+  ByteReader reader(
+      "\x02\x01\xff\x00\x00\x00\x80\x03\x00\x00\x00"
+      "abcde"sv,
+      name);
+  EXPECT_EQ(reader.Value<std::uint16_t>(), 0x0102);
+  EXPECT_EQ(reader.Value<std::uint8_t>(), 0xff);
+  EXPECT_EQ(reader.Value<std::int32_t>(), std::int32_t{-0x7fffffff} - 1);
+  EXPECT_EQ(reader.left(), 9u);
+  EXPECT_EQ(reader.Block(), "abc");
+  EXPECT_EQ(reader.Take(2), "de");
+  EXPECT_EQ(reader.Take(0), "");
+  EXPECT_EQ(reader.left(), 0u);
+}
+
+TEST(ByteReader, GivesNothingBeyondTheEnd) {
+  const std::string name = "a.mcap";
+  for (const std::string_view bytes : {""sv, "\x01\x00\x00"sv,
+                                       "\x05\x00\x00\x00"
+                                       "abcd"sv,
+                                       "\xff\xff\xff\xff"
+                                       "a"sv}) {
+    ByteReader reader(bytes, name);
+    ExpectError<DataError>([&] { reader.Block(); }, {"a.mcap: damaged", "are there"});
+  }
+  // What was refused is still there.
+  ByteReader reader("abc"sv, name);
+  ExpectError<DataError>([&] { reader.Take(SIZE_MAX); }, {"3 are there"});
+  ExpectError<DataError>([&] { reader.Value<double>(); }, {"8 bytes are announced"});
+  EXPECT_EQ(reader.Take(3), "abc");
+}
+
+}  // namespace
+}  // namespace volalign::formats_internal

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
@@ -9,10 +11,14 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "infer/evaluate/suite/figures.h"
+#include "infer/evaluate/suite/scores.h"
+#include "infer/evaluate/suite/table_data.h"
 #include "infer/evaluate/suite/write_suite.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::run_suite_test {
 namespace {
@@ -121,3 +127,283 @@ TEST_F(ToySuite, SaysWhatIsWrong) {
 
 }  // namespace
 }  // namespace volalign::run_suite_test
+
+namespace volalign::scores_test {
+namespace {
+
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+constexpr int kMinPixels = 5;
+constexpr double kOff = 0.05;  // m
+
+/// Two sensors; the method placed the first one rightly and the second one not, and its refinement
+/// moved the first one off.
+class Scores : public testing::Test {
+ protected:
+  Scores() {
+    testing_infer::Rig rig{PaperStructure(), {}, {}};
+    for (const double phi : {20.0, 140.0})
+      rig.Add("S" + std::to_string(rig.frames.size()), RingPose(phi), {}, Kinect().Resized(80, 72));
+    still_.still.structure = rig.structure;
+    still_.still.frames = rig.frames;
+    still_.still.labels = rig.labels;
+    for (const SensorFrame& frame : rig.frames)
+      still_.views.push_back(MakeSensorView(frame, frame.intrinsics));
+    const Pose truth = *rig.frames[0].ground_truth;
+    result_.labels = rig.labels;
+    result_.initial = {truth, std::nullopt};
+    result_.graph = FramePoses{Eigen::Translation3d(kOff, 0, 0) * truth, std::nullopt};
+  }
+  CaptureScores Score() const { return ScoreCapture(still_, result_, kMinPixels); }
+
+  SuiteStill still_;
+  MethodResult result_;
+};
+
+TEST_F(Scores, EachStageIsMeasuredAgainstTheTruth) {
+  const CaptureScores scores = Score();
+  ASSERT_EQ(scores.stages.size(), 2u);
+  EXPECT_EQ(scores.stages[0].stage, "initial");
+  EXPECT_EQ(scores.stages[1].stage, "graph");
+  EXPECT_LT(scores.stages[0].d1_m.value(), 0.004);  // the surface is sampled at 5 mm
+  EXPECT_GT(scores.stages[1].d1_m.value(), 0.01);
+  EXPECT_GT(scores.stages[0].d2_m.value(), 0.1);  // one sensor sees a part of the surface
+  ASSERT_EQ(scores.views.size(), 2u);
+  EXPECT_EQ(scores.views[1].name, "S1");
+  const ViewScores& placed = scores.views[0];
+  ASSERT_EQ(placed.stages.size(), 2u);
+  EXPECT_LT(placed.stages[0].error.value().translation_m, 1e-9);
+  EXPECT_NEAR(placed.stages[1].error.value().translation_m, kOff, 1e-9);
+  EXPECT_GT(placed.stages[0].labels.value().miou, 0.99);
+  EXPECT_LT(placed.stages[1].labels.value().miou, 0.95);
+  EXPECT_NEAR(placed.floor.value().miou, placed.stages[0].labels.value().miou, 1e-12);
+  EXPECT_EQ(placed.miou_of_truth, 1);
+  // The floor is of all views, placed or not.
+  const ViewScores& lost = scores.views[1];
+  EXPECT_FALSE(lost.stages[0].placed);
+  EXPECT_FALSE(lost.stages[0].labels || lost.stages[0].error);
+  EXPECT_GT(lost.floor.value().miou, 0.99);
+  EXPECT_LT(scores.d1_floor_m.value(), 0.004);
+  EXPECT_LT(scores.d2_floor_m.value(), scores.stages[0].d2_m.value());
+}
+
+TEST_F(Scores, PointsAreThoseOnTheStructureWhateverTheMethodLabelled) {
+  const CaptureScores right = Score();
+  for (LabelImage& labels : result_.labels) labels = LabelImage(80, 72);
+  const CaptureScores blind = Score();
+  EXPECT_EQ(blind.stages[0].d1_m, right.stages[0].d1_m);
+  EXPECT_LT(blind.views[0].miou_of_truth.value(), 0.2);
+  // Of a recording, whose labels nobody knows, those that it labelled: none.
+  still_.still.labels.clear();
+  const CaptureScores recording = Score();
+  EXPECT_FALSE(recording.stages[0].d1_m);
+  EXPECT_FALSE(recording.views[0].miou_of_truth);
+  // A method without labels has no scores of them.
+  result_.labels.clear();
+  const CaptureScores without = Score();
+  EXPECT_FALSE(without.views[0].stages[0].labels || without.views[0].floor);
+  EXPECT_TRUE(without.views[0].stages[0].error);
+  for (SensorFrame& frame : still_.still.frames) frame.ground_truth.reset();
+  EXPECT_FALSE(Score().views[0].stages[0].error);
+}
+
+TEST_F(Scores, ErrorsAreInTheFrameWhereTheBoxesDisplacementsAverageOut) {
+  still_.still.nominal_from_built = Pose(Eigen::Translation3d(kOff, 0, 0));
+  const CaptureScores scores = Score();
+  EXPECT_NEAR(scores.views[0].stages[0].error.value().translation_m, kOff, 1e-9);
+  EXPECT_LT(scores.views[0].stages[1].error.value().translation_m, 1e-9);
+  EXPECT_NEAR(scores.views[0].floor.value().miou, scores.views[0].stages[1].labels.value().miou,
+              1e-12);
+}
+
+TEST_F(Scores, ComeBackFromTheirFile) {
+  const TempFolder folder;
+  CaptureScores scores = Score();
+  scores.fingerprint = "abc";
+  scores.dataset = "arc";
+  scores.set_up = "arc8";
+  scores.capture = "arc8_turn_1";
+  scores.method = "net";
+  scores.seconds = 1.5;
+  WriteScores(folder / "scores.json", scores);
+  const CaptureScores read = ReadScores(folder / "scores.json");
+  EXPECT_EQ(FormatScores({read}), FormatScores({scores}));
+  EXPECT_EQ(read.fingerprint, "abc");
+  EXPECT_EQ(read.views[1].name, "S1");
+  EXPECT_FALSE(read.views[1].stages[0].placed);
+  EXPECT_EQ(read.stages[1].d1_m, scores.stages[1].d1_m);
+  EXPECT_THROW(ReadScores(folder.Write("other.json", "{}")), DataError);
+}
+
+}  // namespace
+}  // namespace volalign::scores_test
+
+namespace volalign::table_data_test {
+namespace {
+
+CaptureScores Capture(const std::string& set_up, const std::string& method, double d1,
+                      const std::vector<double>& miou) {
+  CaptureScores capture;
+  capture.dataset = "arc";
+  capture.set_up = set_up;
+  capture.method = method;
+  capture.stages = {{"initial", d1, 2 * d1}, {"graph", d1 / 2, d1}};
+  capture.d1_floor_m = 0.01;
+  for (const double value : miou) {
+    ViewScores view;
+    PoseScore labels;
+    labels.miou_authors = value;
+    view.floor = labels;
+    view.floor->miou_authors = 1;
+    view.stages.resize(2);
+    view.stages[0] = {true, labels, PoseError{0.02, 0.5}};
+    view.stages[1] = {true, labels, PoseError{0.2, 0.5}};
+    capture.views.push_back(view);
+  }
+  ViewScores lost;
+  lost.stages.resize(2);
+  capture.views.push_back(lost);
+  return capture;
+}
+
+SuiteConfig Suite() {
+  SuiteConfig suite;
+  SuiteMethod a, b, c;
+  a.name = "a";
+  a.kind = b.kind = MethodKind::kMarkers;
+  b.name = "b";
+  c.name = "c";
+  c.model = "/no/such/model.pt";
+  suite.methods = {a, b, c};
+  SuiteTable table;
+  table.name = "table5";
+  table.title = "Dataset arc";
+  table.blocks = {{"RMS", SuiteMetric::kD1, {"arc"}}, {"mIoU", SuiteMetric::kMiouAuthors, {"arc"}}};
+  const std::vector<std::string> cells{"1%", "2", "3", "4", "5", "6", "7", "8"};
+  table.rows = {{"first_row", "b", PoseStage::kInitial, cells},
+                {"second", "a", PoseStage::kInitial, cells},
+                {"ours", "a", PoseStage::kGraph, {}},
+                {"none", "c", PoseStage::kInitial, cells}};
+  suite.tables = {table};
+  return suite;
+}
+
+std::vector<CaptureScores> Scores() {
+  return {Capture("near", "a", 0.02, {0.5, 0.7}), Capture("far", "a", 0.04, {0.9}),
+          Capture("far", "b", 0.06, {0.8})};
+}
+
+TEST(TableData, CellsAreThoseOfTheirCapturesAndViews) {
+  const SuiteConfig suite = Suite();
+  const TableData data = MakeTable(suite, suite.tables[0], Scores());
+  ASSERT_EQ(data.rows.size(), 4u);
+  const TableRowData& a = data.rows[1];
+  EXPECT_EQ(a.cells[0].values, (std::vector<double>{0.02, 0.04}));
+  EXPECT_EQ(a.cells[1].values, (std::vector<double>{0.5, 0.7, 0.9}));
+  EXPECT_DOUBLE_EQ(a.cells[0].column.mean, 0.03);
+  EXPECT_FALSE(a.cells[0].column.rsd_within.has_value());  // one capture of each set-up
+  EXPECT_DOUBLE_EQ(*a.cells[0].floor, 0.01);
+  EXPECT_DOUBLE_EQ(*a.cells[1].floor, 1);
+  // The best of the paper's rows, not of ours, is the one that distances count from.
+  EXPECT_DOUBLE_EQ(*a.cells[0].distance, 0);
+  EXPECT_NEAR(*data.rows[0].cells[0].distance, 1, 1e-12);
+  EXPECT_NEAR(*data.rows[2].cells[0].distance, -0.5, 1e-12);
+  EXPECT_NEAR(*a.cells[1].distance, 0.7 / 0.8 - 1, 1e-12);
+  EXPECT_EQ(a.truth[0].views, 5);
+  EXPECT_EQ(a.truth[0].lost, 2);
+  EXPECT_EQ(a.truth[0].wrong, 0);
+  EXPECT_EQ(data.rows[2].truth[0].wrong, 3);
+  EXPECT_DOUBLE_EQ(a.truth[0].mean_mm, 20);
+  EXPECT_FALSE(data.rows[3].has_model);
+  EXPECT_TRUE(data.rows[3].cells[0].values.empty());
+}
+
+TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
+  const SuiteConfig suite = Suite();
+  const TableData data = MakeTable(suite, suite.tables[0], Scores());
+  const std::string markdown = FormatMarkdown(data);
+  EXPECT_LT(markdown.find("| first_row |"), markdown.find("| second |"));
+  EXPECT_NE(markdown.find("| second | 0.0300 (1%) | 0.0100 (2) | 33.33% (3) | +0.00% (4) | 0.0100 |"
+                          " 70.00% (5) | 16.33% (6) | 23.3% (7) | -12.50% (8) | 100.00% |"),
+            std::string::npos)
+      << markdown;
+  EXPECT_NE(markdown.find("none (no model yet)"), std::string::npos);
+  const std::string csv = FormatCsv(data);
+  EXPECT_NE(csv.find("\n\"second\",a,initial,\"RMS\",d1,2,0.03,0.01,"), std::string::npos) << csv;
+  EXPECT_NE(FormatTableJson(data).find("\"to_best\""), std::string::npos);
+}
+
+}  // namespace
+}  // namespace volalign::table_data_test
+
+namespace volalign::figures_test {
+namespace {
+
+using testing_infer::PaperStructure;
+
+/// Counts of pixels that are more blue than red, and more red than blue, in a part of the columns.
+struct Counts {
+  int blue = 0, red = 0;
+};
+Counts Count(const RgbImage& picture, int first, int end) {
+  Counts counts;
+  for (int v = 0; v < picture.height(); ++v) {
+    for (int u = first; u < end; ++u) {
+      const Rgb colour = picture(u, v);
+      if (colour.b > colour.r) ++counts.blue;
+      if (colour.r > colour.b) ++counts.red;
+    }
+  }
+  return counts;
+}
+
+TEST(Figures, PointsAreVioletOnTheSurfaceAndYellowFarOff) {
+  const Structure structure = PaperStructure();
+  ErrorCloud cloud;
+  // Seen from +x, -z is on the right. The second point is hidden by the first.
+  cloud.points = {{0.6, 0, 0}, {0.3, 0, 0}, {0.3, 0, -0.5}};
+  cloud.distances = {0, 0.2, 0.2};
+  const RgbImage picture = DrawCloud(cloud, structure, 0);
+  const int middle = picture.width() / 2;
+  const Counts left = Count(picture, 0, middle + 20),
+               right = Count(picture, middle + 20, picture.width());
+  EXPECT_EQ(left.blue, 9);
+  EXPECT_EQ(left.red, 0);
+  EXPECT_EQ(right.blue, 0);
+  EXPECT_EQ(right.red, 9);
+  // From behind, the hidden one is in front.
+  const RgbImage behind = DrawCloud(cloud, structure, 180);
+  EXPECT_EQ(Count(behind, 0, behind.width()).blue, 0);
+}
+
+TEST(Figures, AttentionIsVioletAtZeroAndYellowAtOne) {
+  DepthImage depth(4, 3, 2.0F);
+  depth(3, 2) = 0;
+  Image<float> attention(4, 3, 0.0F);
+  attention(1, 1) = attention(3, 2) = 1;
+  const RgbImage picture = DrawAttention(depth, attention);
+  EXPECT_EQ(Count(picture, 0, 4).blue, 10);
+  EXPECT_EQ(Count(picture, 1, 2).red, 1);
+  EXPECT_EQ(Count(picture, 3, 4).red, 1);
+  EXPECT_LT(picture(3, 2).r, picture(1, 1).r);  // without depth, and dark
+  ExpectError<Error>([&] { DrawAttention(depth, Image<float>(3, 4)); }, {"sizes"});
+}
+
+TEST(Figures, CloudsHaveTheLabelledPixels) {
+  const Structure structure = PaperStructure();
+  const Pose pose = testing_infer::RingPose(20);
+  const testing_infer::SyntheticView seen =
+      testing_infer::Render(structure, testing_infer::Kinect(), pose);
+  ErrorCloud cloud;
+  AddToCloud(MakeSensorView(seen.depth, testing_infer::Kinect()), seen.labels, structure, pose,
+             &cloud);
+  std::size_t labelled = 0;
+  for (const std::uint8_t label : seen.labels) labelled += label > 0 ? 1 : 0;
+  ASSERT_EQ(cloud.points.size(), labelled);
+  for (const double distance : cloud.distances) EXPECT_LT(distance, 1e-4);
+}
+
+}  // namespace
+}  // namespace volalign::figures_test

@@ -3,10 +3,21 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <filesystem>
+#include <set>
 #include <string>
 #include <vector>
 
+#include "core/base/error.h"
+#include "core/base/input_file.h"
+#include "core/geometry/pose.h"
+#include "infer/evaluate/suite/method_set.h"
+#include "infer/evaluate/suite/methods.h"
+#include "infer/evaluate/suite/suite_items.h"
+#include "render/tiles/tile_renderer.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::suite_config_test {
 namespace {
@@ -103,3 +114,227 @@ TEST(PaperSuite, IsThePapers) {
 
 }  // namespace
 }  // namespace volalign::suite_config_test
+
+namespace volalign::suite_items_test {
+namespace {
+
+class SuiteItemsTest : public testing::Test {
+ protected:
+  SuiteItemsTest() {
+    dataset_.name = "toy";
+    dataset_.rigs = {folder_
+                         .Write("ring.yaml",
+                                "room: false\nnoise: none\nseed: 3\nturns_deg: [0, 10, 20, 30]\n"
+                                "sensors:\n"
+                                "  - {name: A, sensor: azure_kinect_nfov_binned, phi_deg: 10}\n"
+                                "  - {name: B, sensor: azure_kinect_nfov_binned, phi_deg: 70}\n")
+                         .string()};
+  }
+  std::string CapturesOf(int most) const {
+    std::string names;
+    for (const SuiteItem& item : SuiteItems(dataset_, structure_, false, most))
+      names += item.capture + " ";
+    return names;
+  }
+
+  TempFolder folder_;
+  Structure structure_ = testing_infer::PaperStructure();
+  SuiteDataset dataset_;
+};
+
+TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
+  EXPECT_EQ(CapturesOf(0), "ring_turn_1 ring_turn_2 ring_turn_3 ring_turn_4 ");
+  EXPECT_EQ(CapturesOf(9), CapturesOf(0));
+  EXPECT_EQ(CapturesOf(2), "ring_turn_1 ring_turn_3 ");
+  const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, true, 0);
+  std::set<std::string> identities;
+  for (const SuiteItem& item : items) {
+    EXPECT_EQ(item.dataset, "toy");
+    EXPECT_EQ(item.set_up, "ring");
+    EXPECT_TRUE(item.rig);
+    EXPECT_TRUE(item.infrared);
+    identities.insert(item.identity);
+  }
+  EXPECT_EQ(identities.size(), 4u);
+  // The same rig has the same identity, so that its results serve again.
+  EXPECT_EQ(SuiteItems(dataset_, structure_, true, 0)[2].identity, items[2].identity);
+  dataset_.captures = {(folder_ / "none.json").string()};
+  EXPECT_THROW(SuiteItems(dataset_, structure_, false, 0), IoError);
+}
+
+TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
+  const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
+  WorkerRenderer renderer(TileRenderers());
+  const SuiteStill first = LoadSuiteStill(items[0], SuiteConfig(), renderer);
+  ASSERT_EQ(first.still.frames.size(), 2u);
+  ASSERT_EQ(first.views.size(), 2u);
+  EXPECT_TRUE(first.infrared.empty());
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(first.views[i].depth, first.still.frames[i].depth);
+    EXPECT_TRUE(first.still.frames[i].ground_truth);
+  }
+  const SuiteStill third = LoadSuiteStill(items[2], SuiteConfig(), renderer);
+  EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
+}
+
+}  // namespace
+}  // namespace volalign::suite_items_test
+
+namespace volalign::method_set_test {
+namespace {
+
+/// A network's, of which the file alone counts, markers, and one whose model is missing.
+class Methods : public testing::Test {
+ protected:
+  Methods() {
+    SuiteMethod net, markers, missing;
+    net.name = "net";
+    net.model = folder_.Write("net.pt", "weights").string();
+    net.datasets = {"arc"};
+    missing = net;
+    missing.name = "missing";
+    missing.model = (folder_ / "none.pt").string();
+    markers.name = "markers";
+    markers.kind = MethodKind::kMarkers;
+    suite_.methods = {missing, net, markers};
+    rendered_.dataset = recorded_.dataset = "arc";
+    rendered_.identity = "1";
+    recorded_.identity = "2";
+    rendered_.rig.emplace();
+  }
+  std::string Fingerprint(std::size_t i, const std::string& program = "program") const {
+    return MethodSet(suite_, program).Fingerprint(i, rendered_);
+  }
+
+  TempFolder folder_;
+  SuiteConfig suite_;
+  SuiteItem rendered_, recorded_;
+};
+
+TEST_F(Methods, AreThoseThatHaveTheirModel) {
+  const MethodSet set(suite_, "program");
+  ASSERT_EQ(set.size(), 2u);
+  EXPECT_EQ(set.at(0).name, "net");
+  EXPECT_EQ(set.at(1).name, "markers");
+  EXPECT_TRUE(set.HasMarkers());
+  EXPECT_FALSE(HasModel(suite_.methods[0]));
+  suite_.methods.pop_back();
+  EXPECT_FALSE(MethodSet(suite_, "program").HasMarkers());
+}
+
+TEST_F(Methods, HaveModelsInTheDataFolderToo) {
+  suite_.methods[0].model = "models/of_the_suite.pt";
+  EXPECT_FALSE(HasModel(suite_.methods[0]));
+  std::filesystem::create_directory(folder_ / "models");
+  folder_.Write("models/of_the_suite.pt", "weights");
+  const std::string before = DataFolder();
+  SetDataFolder(folder_.path().string());
+  EXPECT_TRUE(HasModel(suite_.methods[0]));
+  EXPECT_EQ(MethodSet(suite_, "program").size(), 3u);
+  SetDataFolder(before);
+}
+
+TEST_F(Methods, ApplyToTheirDatasetsAndMarkersToRenderedCaptures) {
+  const MethodSet set(suite_, "program");
+  EXPECT_TRUE(set.Applies(0, rendered_));
+  EXPECT_TRUE(set.Applies(0, recorded_));
+  EXPECT_TRUE(set.Applies(1, rendered_));
+  EXPECT_FALSE(set.Applies(1, recorded_));
+  rendered_.dataset = "ring";
+  EXPECT_FALSE(set.Applies(0, rendered_));
+  EXPECT_TRUE(set.Applies(1, rendered_));
+}
+
+TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
+  const std::string net = Fingerprint(0), markers = Fingerprint(1);
+  EXPECT_EQ(Fingerprint(0), net);
+  EXPECT_NE(net, markers);
+  EXPECT_NE(Fingerprint(0, "another"), net);
+  EXPECT_NE(MethodSet(suite_, "program").Fingerprint(0, recorded_), net);
+  const SuiteConfig before = suite_;
+  const auto expect = [&](bool of_net, bool of_markers) {
+    EXPECT_EQ(Fingerprint(0) != net, of_net);
+    EXPECT_EQ(Fingerprint(1) != markers, of_markers);
+    suite_ = before;
+  };
+  suite_.min_side_pixels += 1;
+  expect(true, true);
+  suite_.graph.iterations += 1;
+  expect(true, true);
+  suite_.infrared.blur_px += 1;  // which markers alone see
+  expect(false, true);
+  suite_.methods[1].statistical = true;
+  expect(true, false);
+  suite_.tables.emplace_back();  // results do not depend on what is made of them
+  expect(false, false);
+  folder_.Write("net.pt", "other weights");
+  expect(true, false);
+}
+
+}  // namespace
+}  // namespace volalign::method_set_test
+
+namespace volalign::methods_test {
+namespace {
+
+TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
+  SuiteStill still;
+  DepthImage depth(4, 3, 2.0F);
+  depth(1, 1) = 0;
+  still.views = {MakeSensorView(depth, testing_infer::Kinect().Resized(4, 3))};
+  MethodResult result;
+  result.initial = {Pose::Identity()};
+  result.statistical = FramePoses{Pose(Eigen::Translation3d(1, 0, 0))};
+  result.corrections = {{1.01, -0.004}};
+  ASSERT_EQ(PosesAt(PoseStage::kCorrected, result), PosesAt(PoseStage::kStatistical, result));
+  const std::vector<SensorView> corrected = ViewsAt(PoseStage::kCorrected, still, result);
+  ASSERT_EQ(corrected.size(), 1u);
+  EXPECT_NEAR(corrected[0].depth(0, 0), 1.01 * 2 - 0.004, 1e-6);
+  EXPECT_EQ(corrected[0].depth(1, 1), 0);  // nothing was measured there
+  for (const PoseStage stage : {PoseStage::kInitial, PoseStage::kStatistical})
+    EXPECT_EQ(ViewsAt(stage, still, result)[0].depth, depth);
+}
+
+TEST(Stages, AreThoseThatTheMethodHas) {
+  MethodResult result;
+  result.initial = {std::nullopt};
+  EXPECT_EQ(PosesAt(PoseStage::kInitial, result), &result.initial);
+  for (const PoseStage stage : {PoseStage::kGraph, PoseStage::kStatistical, PoseStage::kCorrected})
+    EXPECT_EQ(PosesAt(stage, result), nullptr);
+  result.graph = result.initial;
+  EXPECT_EQ(PosesAt(PoseStage::kGraph, result), &*result.graph);
+  EXPECT_EQ(PosesAt(PoseStage::kCorrected, result), nullptr);
+}
+
+TEST(RunMethod, MarkersWantInfraredPictures) {
+  SuiteStill still;
+  still.views = {MakeSensorView(DepthImage(4, 3, 2.0F), testing_infer::Kinect().Resized(4, 3))};
+  SuiteMethod markers;
+  markers.kind = MethodKind::kMarkers;
+  ExpectError<Error>([&] { RunMethod(markers, still, nullptr, SuiteConfig(), 1); }, {"infrared"});
+}
+
+// The paper's poses, from the labels that it is given, are some centimetres off, since centroids of
+// what is seen are not the sides' centres.
+TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
+  const testing_infer::Rig rig = testing_infer::ThreeSensors();
+  testing_infer::StoredSegmenter segmenter = rig.PerfectSegmenter();
+  SuiteStill still;
+  still.still.structure = rig.structure;
+  still.still.frames = rig.frames;
+  for (const SensorFrame& frame : rig.frames)
+    still.views.push_back(MakeSensorView(frame.depth, frame.intrinsics));
+  SuiteMethod method;
+  method.kind = MethodKind::kNetwork;
+  method.statistical = true;
+  const MethodResult result = RunMethod(method, still, &segmenter, SuiteConfig(), 1);
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    ASSERT_TRUE(result.initial[i] && (*result.statistical)[i]) << i;
+    const Pose& truth = *rig.frames[i].ground_truth;
+    EXPECT_GT(ComparePoses(*result.initial[i], truth).translation_m, 0.02) << i;
+    EXPECT_LT(ComparePoses(*(*result.statistical)[i], truth).translation_m, 0.005) << i;
+  }
+}
+
+}  // namespace
+}  // namespace volalign::methods_test
