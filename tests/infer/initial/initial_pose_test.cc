@@ -1,14 +1,23 @@
 #include "infer/initial/initial_pose.h"
 
 #include <gtest/gtest.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
 #include "core/base/random.h"
+#include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
+#include "infer/initial/paper_pose.h"
+#include "infer/initial/view_fit.h"
 #include "tests/core/base/long_tests.h"
+#include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -145,3 +154,499 @@ TEST(InitialPose, NothingLabelledFindsNothing) {
 
 }  // namespace
 }  // namespace volalign::initial_pose_test
+
+namespace volalign::paper_pose_test {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::Kinect;
+using testing_infer::LabelOf;
+using testing_infer::PaperStructure;
+using testing_infer::Render;
+using testing_infer::RingPose;
+
+std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
+  std::vector<int> labels;
+  labels.reserve(names.size());
+  for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
+  return labels;
+}
+
+struct Outcome {
+  bool found = false;
+  PoseError error;
+};
+
+Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage& depth,
+                 const LabelImage& labels, const InitialPoseOptions& options = {}) {
+  const SensorView view = MakeSensorView(depth, Kinect());
+  const InitialPose pose = EstimateInitialPose(view, Certain(labels), structure, options);
+  return {pose.found, ComparePoses(pose.structure_from_sensor, truth)};
+}
+
+/// The paper's estimate is the least-squares pose between the medians of the sides' pixels, found
+/// here by sorting, and the centroids of what is exposed of them: every small step away from it
+/// raises the sum of squares.
+TEST(PaperPose, IsLeastSquaresOverMediansOfLargeSides) {
+  const Structure structure = PaperStructure();
+  InitialPoseOptions options;
+  options.method = PoseMethod::kPaper;
+  const auto rendered = Render(structure, Kinect(), RingPose(35));
+  SegmentationResult segmentation = Certain(rendered.labels);
+  // Unsure pixels count, a side of 1 pixel in 288 and less does not.
+  for (std::size_t i = 0; i < segmentation.labels.size(); i += 5) segmentation.confidence[i] = 0.1f;
+  const std::size_t most = segmentation.labels.size() / 288;
+  const int small = LabelOf(structure, "mid_top/front");
+  std::size_t kept = 0;
+  for (std::uint8_t& label : segmentation.labels) {
+    if (label == small && kept++ >= most) label = 0;
+  }
+  ASSERT_GT(kept, most);
+  const SensorView view = MakeSensorView(rendered.depth, Kinect());
+  const InitialPose estimate = EstimateInitialPose(view, segmentation, structure, options);
+  ASSERT_TRUE(estimate.found);
+  std::vector<Eigen::Vector3d> medians, keypoints;
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    std::array<std::vector<double>, 3> coordinates;
+    for (int v = 0; v < view.height(); ++v) {
+      for (int u = 0; u < view.width(); ++u) {
+        if (segmentation.labels(u, v) != label || !(view.depth(u, v) > 0)) continue;
+        for (std::size_t i = 0; i < 3; ++i)
+          coordinates[i].push_back(view.Point(u, v)[static_cast<Eigen::Index>(i)]);
+      }
+    }
+    if (coordinates[0].size() <= most) continue;
+    Eigen::Vector3d median;
+    for (std::size_t i = 0; i < 3; ++i) {
+      std::sort(coordinates[i].begin(), coordinates[i].end());
+      median[static_cast<Eigen::Index>(i)] = coordinates[i][coordinates[i].size() / 2];
+    }
+    medians.push_back(median);
+    keypoints.push_back(structure.SideOfLabel(label).exposed_centroid);
+  }
+  ASSERT_GE(medians.size(), 3u);
+  const auto cost = [&](const Pose& pose) {
+    double sum = 0;
+    for (std::size_t i = 0; i < medians.size(); ++i)
+      sum += (pose * medians[i] - keypoints[i]).squaredNorm();
+    return sum;
+  };
+  const double least = cost(estimate.structure_from_sensor);
+  for (int axis = 0; axis < 6; ++axis) {
+    for (const double step : {-1e-3, 1e-3}) {
+      const Vector6d delta = step * Vector6d::Unit(axis);
+      EXPECT_GT(cost(PerturbLeft(delta, estimate.structure_from_sensor)), least) << axis;
+    }
+  }
+}
+
+TEST(PaperPose, FindsNothingInCollinearCentres) {
+  const Structure structure = PaperStructure();
+  const auto rendered = Render(structure, Kinect(), RingPose(35));
+  const std::vector<int> kept =
+      LabelsOf(structure, {"mid_bottom/front", "mid_top/front", "top/front"});
+  LabelImage labels = rendered.labels;
+  for (std::uint8_t& label : labels) {
+    if (std::find(kept.begin(), kept.end(), label) == kept.end()) label = 0;
+  }
+  InitialPoseOptions options;
+  options.method = PoseMethod::kPaper;
+  EXPECT_FALSE(Estimate(structure, RingPose(35), rendered.depth, labels, options).found);
+}
+
+TEST(PaperPose, OursBeatsThePaperEstimate) {
+  const Structure structure = PaperStructure();
+  InitialPoseOptions paper;
+  paper.method = PoseMethod::kPaper;
+  double sum_paper = 0, sum_ours = 0;
+  for (int phi = 15; phi < 360; phi += 45) {
+    const Pose truth = RingPose(phi);
+    const auto rendered = Render(structure, Kinect(), truth);
+    sum_paper +=
+        Estimate(structure, truth, rendered.depth, rendered.labels, paper).error.translation_m;
+    sum_ours += Estimate(structure, truth, rendered.depth, rendered.labels).error.translation_m;
+  }
+  EXPECT_LT(sum_ours, 0.05 * sum_paper);
+  EXPECT_GT(sum_paper / 8, 0.01);  // hidden parts bias centroids by centimetres
+}
+
+}  // namespace
+}  // namespace volalign::paper_pose_test
+
+namespace volalign::view_fit_test {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RandomStack;
+using testing_infer::RingPose;
+using testing_infer::See;
+using testing_infer::Standing;
+
+ViewFit Measure(const SensorView& view, const Structure& structure, const Pose& pose) {
+  const ViewFit shape = MeasureShape(PrepareSurface(view, structure), structure, pose);
+  EXPECT_LE(shape.found_planes, shape.open_planes);
+  return shape;
+}
+
+// The paper's stack has 12 planes with labels. From most sides 14 are seen: it overhangs, and an
+// edge tells of a bottom too.
+TEST(ViewFit, AtTheTruePoseThePlanesAreFoundAndTheOddsAreForIt) {
+  for (int i = 0; i < 8; ++i) {
+    SCOPED_TRACE(i);
+    const Pose truth = RingPose(45.0 * i + 10, 2.0 + 0.2 * i, 0.3 + 0.05 * (i % 3));
+    const SensorView view = See(PaperStructure(), truth);
+    const ViewFit shape = Measure(view, PaperStructure(), truth);
+    EXPECT_GE(shape.found_planes, 12);
+    EXPECT_EQ(shape.found_planes, shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), std::log(100));
+    const Pose aside = Eigen::Translation3d(0.15, 0, 0.1) * truth;
+    EXPECT_LT(Measure(view, PaperStructure(), aside).LogOdds(), -std::log(100));
+  }
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    SCOPED_TRACE(seed);
+    const Structure structure = RandomStack(seed);
+    const Pose truth = RingPose(20, 2.2, 1.2, 90, {0, structure.Height() / 2, 0});
+    const SensorView view = See(structure, truth);
+    const ViewFit shape = Measure(view, structure, truth);
+    EXPECT_GE(shape.found_planes, 0.9 * shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), 0);
+    EXPECT_LT(Measure(view, RandomStack(seed + 1), truth).LogOdds(), -3) << "another stack";
+  }
+}
+
+TEST(ViewFit, WhatSomethingHidesContradictsNothing) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(55, 2.2, 0.35);
+  const SensorView whole = See(structure, truth);
+  const int shown = Measure(whole, structure, truth).open_planes;
+  int hidden = 0;
+  for (const int columns : {130, 150, 170, 190}) {
+    SCOPED_TRACE(columns);
+    SensorView view = whole;
+    for (int v = 0; v < view.height(); ++v) {
+      for (int u = 0; u < columns; ++u) view.depth(u, v) = 0.7f;
+    }
+    const ViewFit shape = Measure(view, structure, truth);
+    EXPECT_GE(shape.found_planes, shape.open_planes - 1);
+    hidden = std::max(hidden, shown - shape.open_planes);
+    EXPECT_GT(shape.LogOdds(), 0);
+  }
+  EXPECT_GT(hidden, shown / 4);
+}
+
+TEST(ViewFit, OfOneThatThePicturesBorderCutsThePartWithinItCounts) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(180, 1.7, 0.3, 90, {0, 0, 0.6});
+  EXPECT_GT(Measure(See(structure, truth), structure, truth).LogOdds(), 0);
+  const Structure box = Structure::FromBoxes(
+      "box", {Standing("box", structure.boxes()[0].size, {0, structure.FloorHeight(), 0})});
+  EXPECT_TRUE(testing_infer::Find(See(box, truth), structure).empty())
+      << "a single box is no part of the stack";
+}
+
+/// A box 40 cm wide, 30 cm high and 20 cm deep, its front square to the axis of a sensor 2 m before
+/// it that stands at its middle's height.
+constexpr double kWidth = 0.4, kHeight = 0.3;
+Structure Crate() {
+  return Structure::FromBoxes("crate", {Box::FromMinMax("c", {0, 1, -0.2}, {0.2, 1.3, 0.2})});
+}
+Pose Before() {
+  Pose pose = Pose::Identity();
+  pose.linear() << 0, 0, -1, 0, -1, 0, -1, 0, 0;  // looks along -x; image x is -z, y is -y
+  pose.translation() = Eigen::Vector3d(2.2, 1.15, 0);
+  return pose;
+}
+
+Intrinsics Camera() {
+  Intrinsics intrinsics;
+  intrinsics.width = 200;
+  intrinsics.height = 160;
+  intrinsics.fx = intrinsics.fy = 400;  // 5 mm a pixel at 2 m
+  intrinsics.cx = 99.5;
+  intrinsics.cy = 79.5;
+  return intrinsics;
+}
+
+/// Where a ray of this direction meets the plane of the front.
+struct Hit {
+  double across, up;  // from the front's middle, m
+};
+Hit HitOf(int u, int v) { return {2 * (u - 99.5) / 400, -2 * (v - 79.5) / 400}; }
+bool OnFront(int u, int v) {
+  const Hit hit = HitOf(u, v);
+  return std::abs(hit.across) < kWidth / 2 && std::abs(hit.up) < kHeight / 2;
+}
+
+/// The front alone is seen; `wall`: what is behind, 0 for nothing. Normals as they truly are.
+SensorSurface Front(float wall = 0) {
+  SensorSurface surface;
+  surface.view = MakeSensorView(DepthImage(200, 160, wall), Camera());
+  surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f(0, 0, -1));
+  surface.room = Image<std::uint8_t>(200, 160, 0);
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v)) surface.view.depth(u, v) = 2;
+    }
+  }
+  return surface;
+}
+
+/// Sets the depth of the part of the front where `part` says so.
+template <class Part>
+void SetDepth(float depth, const Part& part, SensorSurface* surface) {
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v) && part(HitOf(u, v))) surface->view.depth(u, v) = depth;
+    }
+  }
+}
+
+constexpr double kFront = kWidth * kHeight;
+
+TEST(MeasureShape, AreasAreThoseOfTheSurface) {
+  for (const float wall : {0.0f, 4.0f}) {
+    const ViewFit fit = MeasureShape(Front(wall), Crate(), Before());
+    EXPECT_NEAR(fit.explained, kFront, 0.02 * kFront);
+    for (const double none : {fit.turned, fit.larger, fit.behind, fit.goes_on}) EXPECT_EQ(none, 0);
+    EXPECT_EQ(fit.contradicted(), 0);
+    // A band from 2 to 7 cm beyond the border, its corners included, but for what is nearer to the
+    // foot than 3 cm.
+    const double band =
+        (kWidth + 0.14) * (kHeight + 0.07 - 0.03) - (kWidth + 0.04) * (kHeight + 0.02 - 0.03);
+    EXPECT_NEAR(fit.ends, band, 0.03 * band) << wall;
+    // The front, and the three faces at whose edges it ends.
+    EXPECT_EQ(fit.found_planes, 4);
+  }
+}
+
+TEST(MeasureShape, LikeAnyOtherSensor) {
+  // The same through half as many pixels, and moved together with the structure.
+  const Pose elsewhere = testing_infer::RingPose(50);
+  Structure moved = Structure::FromBoxes(
+      "crate",
+      {Box{"c", Crate().boxes()[0].size, elsewhere * Crate().boxes()[0].structure_from_box}});
+  const ViewFit a = MeasureShape(Front(), Crate(), Before());
+  EXPECT_NEAR(MeasureShape(Decimate(Front(), 2), Crate(), Before()).explained, a.explained,
+              0.02 * a.explained);
+  EXPECT_NEAR(MeasureShape(Front(), moved, elsewhere * Before()).explained, a.explained, 1e-6);
+}
+
+// Three faces of the crate, from its corner and above it, wherever in the picture they are and
+// through whatever lens: all of their area.
+TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
+  const Structure crate = Crate();
+  const double faces = 0.4 * 0.3 + 0.2 * 0.3 + 0.2 * 0.4;
+  for (const Intrinsics& lens : {testing_infer::Kinect(), testing_infer::KinectWithLens()}) {
+    for (const double aside_deg : {0.0, 18.0}) {
+      SCOPED_TRACE(testing::Message() << lens.distortion.size() << " " << aside_deg);
+      Pose pose = RingPose(45, 2.4, 2.85, 90, {0.1, 1.15, 0});
+      pose.linear() *=
+          Eigen::AngleAxisd(aside_deg * M_PI / 180, Eigen::Vector3d(1, 1, 0).normalized())
+              .toRotationMatrix();
+      SensorSurface surface;
+      surface.view = MakeSensorView(DepthImage(lens.width, lens.height), lens);
+      surface.view.depth = CastView(crate, surface.view.rays, pose).depth;
+      surface.normals = Image<Eigen::Vector3f>(lens.width, lens.height, Eigen::Vector3f::Zero());
+      surface.room = Image<std::uint8_t>(lens.width, lens.height, 0);
+      const ViewFit fit = MeasureShape(surface, crate, pose);
+      EXPECT_NEAR(fit.explained, faces, 0.03 * faces);
+      EXPECT_EQ(fit.contradicted(), 0);
+    }
+  }
+}
+
+TEST(MeasureShape, SomethingBeforeItHidesIt) {
+  SensorSurface surface = Front();
+  SetDepth(
+      1, [](const Hit& hit) { return hit.across < -0.1; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  EXPECT_NEAR(fit.explained, kFront * 3 / 4, 0.03 * kFront);
+  EXPECT_EQ(fit.contradicted(), 0);
+}
+
+TEST(MeasureShape, SomethingBehindItContradicts) {
+  SensorSurface surface = Front();
+  SetDepth(
+      3, [](const Hit& hit) { return hit.across < 0; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  // Without a border of 3 cm, where a pose that is not quite right sees behind as well.
+  const double inner = (kWidth / 2 - 0.03) * (kHeight - 0.06);
+  EXPECT_NEAR(fit.behind, inner, 0.03 * inner);
+  EXPECT_NEAR(fit.explained, kFront / 2, 0.03 * kFront);
+  EXPECT_EQ(fit.contradicted(), fit.behind);
+  // A hole says nothing.
+  SetDepth(
+      0, [](const Hit& hit) { return hit.across < 0; }, &surface);
+  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).behind, 0);
+}
+
+// At 2 m what is 4.9 cm before or behind is on the surface: 3 cm, and three times the 13 mm of a
+// kind that nothing is known of.
+TEST(MeasureShape, HasATolerance) {
+  for (const float depth : {1.96f, 2.04f}) {
+    SensorSurface surface = Front();
+    SetDepth(
+        depth, [](const Hit&) { return true; }, &surface);
+    EXPECT_NEAR(MeasureShape(surface, Crate(), Before()).explained, kFront, 0.02 * kFront) << depth;
+  }
+  SensorSurface before = Front(), behind = Front();
+  SetDepth(
+      1.94f, [](const Hit&) { return true; }, &before);
+  SetDepth(
+      2.3f, [](const Hit&) { return true; }, &behind);
+  const ViewFit hidden = MeasureShape(before, Crate(), Before());
+  EXPECT_EQ(hidden.explained + hidden.contradicted(), 0);
+  EXPECT_GT(MeasureShape(behind, Crate(), Before()).behind, 0.5 * kFront);
+}
+
+TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
+  SensorSurface surface = Front();
+  const auto facing = [&](double deg) {
+    const double angle = deg * M_PI / 180;
+    surface.normals = Image<Eigen::Vector3f>(
+        200, 160, Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>());
+    return MeasureShape(surface, Crate(), Before());
+  };
+  EXPECT_EQ(facing(40).turned, 0);
+  const ViewFit turned = facing(50);
+  const double inner = (kWidth - 0.06) * (kHeight - 0.06);
+  EXPECT_NEAR(turned.turned, inner, 0.03 * inner);
+  EXPECT_EQ(turned.contradicted(), turned.turned / 2);
+  // Where no normal is known, none contradicts.
+  surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f::Zero());
+  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).turned, 0);
+}
+
+TEST(MeasureShape, APartOfAWallIsNoSide) {
+  // The wall that the front would be a part of.
+  const ViewFit part = MeasureShape(Front(2), Crate(), Before());
+  EXPECT_NEAR(part.larger, kFront, 0.02 * kFront);
+  EXPECT_EQ(part.explained, 0);
+  EXPECT_EQ(part.ends, 0);
+  EXPECT_EQ(part.found_planes, 0);
+  EXPECT_GT(part.goes_on, 1e-3);
+  // The same where MarkRoom has found a plane of the room.
+  SensorSurface room = Front();
+  room.room = Image<std::uint8_t>(200, 160, 1);
+  EXPECT_NEAR(MeasureShape(room, Crate(), Before()).larger, kFront, 0.02 * kFront);
+  // It goes on at one end alone: there it has no edge, and it is a side all the same.
+  SensorSurface longer = Front();
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 140; u < 200; ++u) {
+      if (std::abs(HitOf(u, v).up) < kHeight / 2) longer.view.depth(u, v) = 2;
+    }
+  }
+  const ViewFit three = MeasureShape(longer, Crate(), Before());
+  EXPECT_NEAR(three.explained, kFront, 0.02 * kFront);
+  EXPECT_NEAR(three.goes_on, 0.05 * (kHeight - 0.03), 0.03 * 0.05 * kHeight);
+  EXPECT_EQ(three.found_planes, 3);
+}
+
+/// Sets depth and normal, turned by `deg` about the vertical, beside the front, where `part` says
+/// so.
+template <class Part>
+void SetBeside(float depth, double deg, const Part& part, SensorSurface* surface) {
+  const double angle = deg * M_PI / 180;
+  for (int v = 0; v < 160; ++v) {
+    for (int u = 0; u < 200; ++u) {
+      if (OnFront(u, v) || !part(HitOf(u, v))) continue;
+      surface->view.depth(u, v) = depth;
+      surface->normals(u, v) = Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>();
+    }
+  }
+}
+
+// All but a strip beyond the right border is hidden.
+TEST(MeasureShape, AShortStripBeyondABorderSaysNothing) {
+  const auto measure = [](double height) {
+    SensorSurface surface = Front();
+    SetBeside(
+        1, 0, [](const Hit&) { return true; }, &surface);
+    SetBeside(
+        2, 0, [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; },
+        &surface);
+    return MeasureShape(surface, Crate(), Before());
+  };
+  const ViewFit strip = measure(0.2 * kHeight);
+  EXPECT_NEAR(strip.explained, kFront, 0.02 * kFront);
+  EXPECT_GT(strip.goes_on, 0);
+  EXPECT_NEAR(measure(0.4 * kHeight).larger, kFront, 0.02 * kFront);
+}
+
+// Beyond a border a surface goes on that faces as the side does, to 25 deg.
+TEST(MeasureShape, WhatGoesOnFacesAsTheSideDoes) {
+  const auto goes_on = [](double deg) {
+    SensorSurface surface = Front();
+    SetBeside(
+        2, deg, [](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < kHeight / 2; },
+        &surface);
+    return MeasureShape(surface, Crate(), Before()).goes_on;
+  };
+  const double end = 0.05 * (kHeight - 0.03);
+  EXPECT_NEAR(goes_on(20), end, 0.05 * end);
+  EXPECT_EQ(goes_on(30), 0);
+}
+
+// The band beyond the right border has 0.0148 m^2, 0.05 of it for each metre of height.
+TEST(MeasureShape, AnEdgeEndsTwiceAsMuchAsItGoesOn) {
+  const auto found_planes = [](double height) {
+    SensorSurface surface = Front();
+    SetBeside(
+        2, 0, [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; },
+        &surface);
+    return MeasureShape(surface, Crate(), Before()).found_planes;
+  };
+  EXPECT_EQ(found_planes(0.08), 4) << "ends 2.7 times as much";
+  EXPECT_EQ(found_planes(0.12), 3) << "1.5 times";
+}
+
+// A box beside the crate, its front in one plane with the crate's or 20 cm before it.
+TEST(MeasureShape, WhereTheStructureItselfIsABorderTellsNothing) {
+  for (const double before : {0.0, 0.2}) {
+    const Structure two = Structure::FromBoxes(
+        "two", {Crate().boxes()[0], Box::FromMinMax("d", {0, 1, 0.2}, {0.2 + before, 1.3, 0.3})});
+    SensorSurface surface = Front();
+    surface.view.depth = CastView(two, surface.view.rays, Before()).depth;
+    const ViewFit fit = MeasureShape(surface, two, Before());
+    EXPECT_EQ(fit.goes_on, 0) << before;
+    EXPECT_EQ(fit.found_planes, fit.open_planes) << before;
+    // Fronts, tops and the outer sides; of the box that stands before, the inner one as well.
+    EXPECT_EQ(fit.open_planes, before > 0 ? 6 : 4);
+  }
+}
+
+TEST(MeasureShape, AnEdgeThatSomethingHidesIsNotOpen) {
+  SensorSurface surface = Front();
+  SetBeside(
+      1, 0, [](const Hit& hit) { return hit.across > kWidth / 2; }, &surface);
+  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  EXPECT_EQ(fit.open_planes, 3);
+  EXPECT_EQ(fit.found_planes, 3);
+}
+
+TEST(ViewFit, NothingSeenSaysNothing) { EXPECT_EQ(ViewFit().LogOdds(), 0); }
+
+// By hand: a third of a stack is measured, with all edges that nothing hides.
+TEST(ViewFit, WhatIsExplainedSpeaksForAPoseAndWhatContradictsAgainstIt) {
+  ViewFit fit;
+  fit.surface = 3;
+  fit.explained = 1;
+  fit.ends = 0.5;
+  fit.open_planes = fit.found_planes = 13;
+  const double odds = fit.LogOdds();
+  EXPECT_GT(odds, std::log(100));
+  const auto with = [&](auto part, auto value) {
+    ViewFit other = fit;
+    other.*part = value;
+    return other.LogOdds();
+  };
+  EXPECT_LT(with(&ViewFit::behind, 0.2), 0);
+  EXPECT_EQ(with(&ViewFit::larger, 0.2), with(&ViewFit::behind, 0.2));
+  EXPECT_EQ(with(&ViewFit::turned, 0.4), with(&ViewFit::behind, 0.2));
+  EXPECT_LT(with(&ViewFit::goes_on, 0.2), 0);
+  EXPECT_LT(with(&ViewFit::explained, 0.1), odds - 4) << "as other boxes explain some of it";
+  EXPECT_LT(with(&ViewFit::found_planes, 7), 0);
+}
+
+}  // namespace
+}  // namespace volalign::view_fit_test

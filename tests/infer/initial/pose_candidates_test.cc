@@ -1,12 +1,20 @@
 #include "infer/initial/pose_candidates.h"
 
 #include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
+
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "infer/initial/agreement.h"
+#include "infer/initial/floor.h"
+#include "infer/initial/geometry_search.h"
+#include "infer/initial/pose_sources.h"
+#include "infer/initial/rig_choice.h"
 #include "infer/initial/same_pose.h"
+#include "infer/initial/shape_check.h"
+#include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_candidates_test {
@@ -113,3 +121,279 @@ TEST_F(PoseCandidates, OneSideOrNoneGivesNoCandidate) {
 
 }  // namespace
 }  // namespace volalign::pose_candidates_test
+
+namespace volalign::pose_sources_test {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::RingPose;
+
+Pose Moved(const Pose& pose, double x, double yaw) {
+  Pose motion = Pose::Identity();
+  motion.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  motion.translation().x() = x;
+  return motion * pose;
+}
+
+/// A view of a box that looks the same after half a turn, its labels, and poses of it.
+class Proposals : public testing::Test {
+ protected:
+  /// Of both sources, where labels have led the network to a pose.
+  std::vector<PoseCandidate> Competitors(const Pose& network, const LabelImage& labels) const {
+    const SegmentationResult segmentation = Certain(labels);
+    InitialPose initial;
+    initial.found = true;
+    initial.structure_from_sensor = network;
+    return FindCompetitors(view_, box_, FindAliases(box_), {{&segmentation, &initial}}, true,
+                           InitialPoseOptions());
+  }
+  PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
+    return ChooseTogether({{&view_, Competitors(network, labels), {}, 0}}, box_).front();
+  }
+  LabelImage LabelsAt(const Pose& pose, const DepthErrorModel& errors) const {
+    return LabelsFromPose(view_, box_, pose, SurfaceTolerance::AtRoughPose(errors)).labels;
+  }
+
+  bool IsChosen(const PoseChoice& choice, const Pose& pose) const {
+    return choice.found && SamePose(box_, choice.best.structure_from_sensor, pose);
+  }
+
+  const Structure box_ = Structure::FromBoxes(
+      "box", {Box::FromMinMax("box", {-0.35, -0.8, -0.25}, {0.35, 0.2, 0.25})});
+  const Pose truth_ = RingPose(40, 2.0, 0.6);
+  const Pose half_turn_ = Moved(truth_, 0, M_PI);
+  const Pose elsewhere_ = Moved(truth_, 0.3, 0);
+  const SensorView view_ = testing_infer::See(box_, truth_);
+  const LabelImage labels_ = LabelsAt(truth_, view_.errors);
+};
+
+TEST_F(Proposals, OfBothThatAgreeAreTheNetworks) {
+  for (const Pose& pose : {truth_, half_turn_}) {
+    const PoseChoice choice = Combined(pose, LabelsAt(pose, view_.errors));
+    EXPECT_TRUE(IsChosen(choice, pose)) << "labels tell from which end";
+    EXPECT_EQ(choice.best.source, PoseSource::kNetwork);
+    EXPECT_FALSE(choice.ambiguous);
+  }
+}
+
+TEST_F(Proposals, OfGeometryStandInForAPoseThatLabelsDoNotSpeakFor) {
+  const PoseChoice choice = Combined(elsewhere_, labels_);
+  EXPECT_TRUE(IsChosen(choice, truth_));
+  EXPECT_EQ(choice.best.source, PoseSource::kGeometry);
+}
+
+// As a network labels what is beyond the distances that it was trained for.
+TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
+  LabelImage few = LabelsAt(elsewhere_, view_.errors);
+  for (int v = 0; v < few.height(); ++v) {
+    for (int u = 0; u < few.width(); ++u) {
+      if (u / 4 % 3 > 0) few(u, v) = 0;
+    }
+  }
+  const PoseChoice choice = Combined(elsewhere_, few);
+  EXPECT_TRUE(IsChosen(choice, truth_) || IsChosen(choice, half_turn_));
+  EXPECT_EQ(choice.best.source, PoseSource::kGeometry);
+  EXPECT_TRUE(choice.ambiguous);
+}
+
+}  // namespace
+}  // namespace volalign::pose_sources_test
+
+namespace volalign::same_pose_test {
+namespace {
+
+/// The structure moved by that much along x, and turned about its vertical, as the sensor sees it.
+Pose Moved(const Pose& pose, double metres, double deg) {
+  return Eigen::Translation3d(metres, 0, 0) *
+         Eigen::AngleAxisd(deg * M_PI / 180, Eigen::Vector3d::UnitY()) * pose;
+}
+
+Structure Cube(double edge) {
+  return Structure::FromBoxes(
+      "cube", {Box::FromMinMax("cube", {-edge / 2, 0, -edge / 2}, {edge / 2, edge, edge / 2})});
+}
+
+TEST(SamePose, FollowsFromTheSmallestEdge) {
+  const Pose pose = testing_infer::RingPose(30);
+  struct Case {
+    double edge, same, other;
+  };
+  // Half an edge; not under 3 cm, which is what two estimates differ by, nor over 20.
+  for (const Case& c : {Case{0.1, 0.049, 0.051}, Case{0.3, 0.149, 0.151}, Case{0.02, 0.029, 0.031},
+                        Case{2, 0.199, 0.201}}) {
+    EXPECT_TRUE(SamePose(Cube(c.edge), pose, Moved(pose, c.same, 0))) << c.edge;
+    EXPECT_FALSE(SamePose(Cube(c.edge), pose, Moved(pose, -c.other, 0))) << c.edge;
+  }
+  // A corner is 0.707 edges from the axis of the turn and moves by twice the sine of half of it.
+  EXPECT_TRUE(SamePose(Cube(0.3), pose, Moved(pose, 0, 41)));
+  EXPECT_FALSE(SamePose(Cube(0.3), pose, Moved(pose, 0, 42)));
+}
+
+TEST(SamePose, StepsOfASmallStackAreNone) {
+  // A fifth of the paper's: its boxes are 8 cm high.
+  std::vector<Box> boxes = testing_infer::PaperStructure().boxes();
+  for (Box& box : boxes) {
+    box.size /= 5;
+    box.structure_from_box.translation() /= 5;
+  }
+  const Pose pose = testing_infer::RingPose(30, 0.8, 0.3);
+  EXPECT_FALSE(SamePose(Structure::FromBoxes("small", boxes), pose,
+                        Eigen::Translation3d(0, 0.08, 0) * pose));
+}
+
+TEST(SamePose, NoNumberIsNoPose) {
+  Pose pose = Pose::Identity();
+  pose.translation().x() = std::nan("");
+  EXPECT_FALSE(SamePose(Cube(1), pose, pose));
+}
+
+}  // namespace
+}  // namespace volalign::same_pose_test
+
+namespace volalign::agreement_test {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::Coarse;
+
+const SurfaceTolerance kTolerance = SurfaceTolerance::AtRoughPose(ErrorsOf(""));  // 4.3 cm at 1 m
+
+/// A box whose face at 1 m covers the left half of Coarse's view; from x = 0 on it is out of view.
+Structure LeftBox() {
+  return Structure::FromBoxes(
+      "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 1, 2))});
+}
+
+TEST(CompareWithView, CountsPixels) {
+  const Structure box = LeftBox();
+  const auto seen = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/left"));
+  const auto hidden = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/right"));
+  DepthImage depth(20, 10, 3.0f);
+  SegmentationResult segmentation = Certain(LabelImage(20, 10, 0));
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 3; u < 9; ++u) depth(u, v) = 1.01f;
+    depth(0, v) = 0;
+    depth(1, v) = 0.5f;   // in front
+    depth(2, v) = 1.5f;   // 28 cm behind the face, as far from every other
+    depth(3, v) = 1.04f;  // within the tolerance
+    depth(9, v) = 1.2f;   // far behind the face, but 1.5 cm from the side x = 0
+    for (const int u : {0, 1, 3, 4, 6, 8, 9, 15}) segmentation.labels(u, v) = seen;
+    segmentation.labels(5, v) = hidden;
+    segmentation.confidence(6, v) = 0.3f;
+  }
+  const Agreement agreement = CompareWithView(MakeSensorView(depth, Coarse()), segmentation, box,
+                                              Pose::Identity(), 0.5, kTolerance);
+  EXPECT_EQ(agreement.visible, 90);     // columns 1 to 9
+  EXPECT_EQ(agreement.explained, 70);   // 3 to 9
+  EXPECT_EQ(agreement.same_label, 40);  // 3, 4, 8, 9
+  EXPECT_EQ(agreement.either, 100);     // 1 to 9, 15
+  EXPECT_DOUBLE_EQ(agreement.explained_share(), 7.0 / 9);
+  EXPECT_DOUBLE_EQ(agreement.score(), 0.4);
+  // Of the pixels with depth, whatever the confidence. The face: 6 columns of 10; the hidden side:
+  // 0 of 1; background: 9 of 12.
+  EXPECT_NEAR(agreement.miou, (0.6 + 0 + 0.75) / 3, 1e-9);
+}
+
+TEST(CompareWithView, NothingMeasuredIsNoAgreement) {
+  const Agreement agreement =
+      CompareWithView(MakeSensorView(DepthImage(20, 10, 0.0f), Coarse()),
+                      Certain(LabelImage(20, 10, 1)), LeftBox(), Pose::Identity(), 0.5, kTolerance);
+  EXPECT_EQ(agreement.visible, 0);
+  EXPECT_EQ(agreement.either, 0);
+  EXPECT_EQ(agreement.score(), 0);
+}
+
+TEST(LabelsFromPose, NamesTheSideThatWasMeasured) {
+  const Structure box = LeftBox();
+  const int seen = testing_infer::LabelOf(box, "b/left");
+  DepthImage depth(20, 10, 3.0f);
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 2; u < 10; ++u) depth(u, v) = 1.01f;
+    depth(0, v) = 0;
+    depth(1, v) = 1.06f;
+  }
+  const SegmentationResult labels =
+      LabelsFromPose(MakeSensorView(depth, Coarse()), box, Pose::Identity(), kTolerance);
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 0; u < 20; ++u) {
+      const bool on_side = u >= 2 && u < 10;
+      EXPECT_EQ(labels.labels(u, v), on_side ? seen : 0) << u << " " << v;
+      EXPECT_EQ(labels.confidence(u, v), on_side ? 1.0f : 0.0f) << u << " " << v;
+    }
+  }
+}
+
+TEST(MeasureShapeIou, CountsPixels) {
+  // What is measured on the left: the face, a hole, something in front and something behind. On the
+  // right, a label without a structure.
+  DepthImage depth(20, 10, 3.0f);
+  LabelImage labels(20, 10, 0);
+  for (int v = 0; v < 10; ++v) {
+    for (int u = 0; u < 10; ++u) depth(u, v) = 1.01f;
+    depth(0, v) = 0;
+    depth(1, v) = 0.5f;
+    depth(2, v) = 1.5f;
+    labels(15, v) = 1;
+  }
+  const ShapeIou iou = MeasureShapeIou(MakeSensorView(depth, Coarse()), Certain(labels), LeftBox(),
+                                       Pose::Identity(), 0.5);
+  EXPECT_EQ(iou.both, 70);
+  EXPECT_EQ(iou.either, 90);
+}
+
+}  // namespace
+}  // namespace volalign::agreement_test
+
+namespace volalign::shape_check_test {
+namespace {
+
+using testing_infer::RingPose;
+using testing_infer::See;
+using testing_infer::Standing;
+
+/// The upper box is turned by `yaw_deg`.
+Structure Stack(double yaw_deg = 0, double height = 0) {
+  return Structure::FromBoxes(
+      "stack", {Standing("low", {0.5, 0.35, 0.4}, {0, height, 0}),
+                Standing("high", {0.35, 0.4, 0.3}, {0.05, height + 0.35, 0}, yaw_deg)});
+}
+
+const Pose kTruth = RingPose(40, 1.9, 0.9, 90, {0, 0.35, 0});
+
+TEST(ShapeLogOdds, AtTheTruePoseOnly) {
+  const SensorView view = See(Stack(), kTruth);
+  EXPECT_TRUE(ShapeLogOdds(view, Stack(), kTruth).has_value());
+  const Pose aside = Eigen::Translation3d(-0.08, 0, -0.05) * kTruth;
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), aside).has_value());
+}
+
+// Within the tolerance of a first look, the sides of a box that is turned lie where they should.
+TEST(ShapeLogOdds, NotWhereASideFacesElsewhere) {
+  const SensorView view = See(Stack(16), kTruth);
+  EXPECT_TRUE(HasShape(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth)));
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
+  EXPECT_TRUE(
+      ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
+}
+
+// The upper box is 20 cm narrower than described: so much of it is seen through.
+TEST(ShapeLogOdds, NotWhereMuchIsMissing) {
+  const Structure narrow =
+      Structure::FromBoxes("narrow", {Standing("low", {0.5, 0.35, 0.4}, {0, 0, 0}),
+                                      Standing("high", {0.15, 0.4, 0.3}, {0.15, 0.35, 0})});
+  const SensorView view = See(narrow, kTruth);
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
+}
+
+// The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
+// it: much is measured where there would be ground.
+TEST(FloorFit, FloatsWhereTheRoomReachesUnderTheStack) {
+  const SensorView view = See(Stack(), kTruth);
+  EXPECT_FALSE(FindFloor(view, Stack(), kTruth).Floats());
+  const Pose lying(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
+  EXPECT_TRUE(FindFloor(view, Stack(), lying * kTruth).Floats());
+  EXPECT_FALSE(ShapeLogOdds(view, Stack(), lying * kTruth).has_value());
+}
+
+}  // namespace
+}  // namespace volalign::shape_check_test

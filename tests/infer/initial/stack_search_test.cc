@@ -1,14 +1,19 @@
 #include "infer/initial/stack_search.h"
 
 #include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <tuple>
 #include <vector>
 
+#include "core/base/random.h"
 #include "core/geometry/visibility.h"
+#include "infer/initial/stack_outline.h"
 #include "infer/initial/stack_votes.h"
+#include "infer/initial/standing_guesses.h"
 #include "tests/infer/initial/geometry_frames.h"
 
 namespace volalign::stack_search_test {
@@ -203,3 +208,516 @@ TEST(SearchStack, KeepsToTheTurnsOfTheGuess) {
 
 }  // namespace
 }  // namespace volalign::stack_search_test
+
+namespace volalign::stack_votes_test {
+namespace {
+
+// Ways: sectors of 45 deg from the heading 0 on, then up, then inside.
+constexpr int kUp = 8, kInside = 9;
+
+/// Cells of 10 cm, three slabs of 20 cm.
+StackOutline Outline() {
+  StackOutline outline;
+  outline.cell = 0.1;
+  outline.slab = 0.2;
+  outline.slabs = 3;
+  outline.radius = 0.5;
+  return outline;
+}
+
+/// The weight of each cell, by (dx, dz).
+std::map<std::pair<int, int>, double> Cells(const std::vector<Vote>& votes) {
+  std::map<std::pair<int, int>, double> cells;
+  for (const Vote& vote : votes) cells[{vote.dx, vote.dz}] += vote.weight;
+  return cells;
+}
+
+TEST(Votes, SpreadsAPieceOverTheFourCellsRoundIt) {
+  const StackOutline outline = Outline();
+  Votes votes(outline);
+  votes.Make({{0.225, -0.16, 1, 0, StackPiece::kTop, 0.8}}, 0);
+  const auto cells = Cells(votes.Of(1, kUp));
+  ASSERT_EQ(cells.size(), 4u);
+  EXPECT_NEAR(cells.at({2, -2}), 0.8 * 0.75 * 0.6, 1e-6);
+  EXPECT_NEAR(cells.at({3, -2}), 0.8 * 0.25 * 0.6, 1e-6);
+  EXPECT_NEAR(cells.at({2, -1}), 0.8 * 0.75 * 0.4, 1e-6);
+  EXPECT_NEAR(cells.at({3, -1}), 0.8 * 0.25 * 0.4, 1e-6);
+  for (const int way : {0, 3, 7, kInside}) EXPECT_TRUE(votes.Of(1, way).empty()) << way;
+  EXPECT_TRUE(votes.Of(0, kUp).empty());
+  EXPECT_TRUE(votes.Of(2, kUp).empty());
+}
+
+TEST(Votes, ForgetsTheTurnBefore) {
+  const StackOutline outline = Outline();
+  Votes votes(outline);
+  votes.Make({{0.2, 0, 0, 0, StackPiece::kTop, 1}}, 0);
+  votes.Make({{-0.3, 0, 0, 0, StackPiece::kTop, 1}}, 0);
+  const auto cells = Cells(votes.Of(0, kUp));
+  ASSERT_EQ(cells.count({-3, 0}), 1u);
+  EXPECT_NEAR(cells.at({-3, 0}), 1, 1e-5);
+  EXPECT_EQ(cells.count({2, 0}), 0u);
+}
+
+TEST(Votes, NoCellCountsMoreThanOneOrLessThanTheInside) {
+  const StackOutline outline = Outline();
+  Votes votes(outline);
+  const StackPiece top{0, 0, 0, 0, StackPiece::kTop, 1};
+  const StackPiece inside{0, 0, 0, 0, StackPiece::kInside, kInsideVote};
+  votes.Make({top, top, inside, inside}, 0);
+  EXPECT_EQ(Cells(votes.Of(0, kUp)).at({0, 0}), 1);
+  EXPECT_EQ(Cells(votes.Of(0, kInside)).at({0, 0}), kInsideVote);
+}
+
+// A turn by `yaw` about +y takes +x to (cos, 0, -sin): by Eigen's matrix.
+TEST(Votes, TurnsPlaceAndHeading) {
+  const StackOutline outline = Outline();
+  RandomStream random(3, 0, "votes");
+  for (int k = 0; k < 40; ++k) {
+    const double yaw = random.Uniform(0, 2 * M_PI), heading = random.Uniform(-M_PI, M_PI);
+    const double x = random.Uniform(-0.3, 0.3), z = random.Uniform(-0.3, 0.3);
+    Votes votes(outline);
+    votes.Make({{x, z, 0, heading, StackPiece::kSide, 1}}, yaw);
+    const Eigen::AngleAxisd turn(yaw, Eigen::Vector3d::UnitY());
+    const Eigen::Vector3d place = turn * Eigen::Vector3d(x, 0, z) / outline.cell;
+    const Eigen::Vector3d normal = turn * Eigen::Vector3d(std::cos(heading), 0, std::sin(heading));
+    // Its own sector, and the neighbour whose border is nearer.
+    const double sector = std::fmod(Heading(normal) + 2 * M_PI, 2 * M_PI) / (M_PI / 4);
+    const int own = static_cast<int>(sector) % 8;
+    const int other = (own + (sector - std::floor(sector) > 0.5 ? 1 : 7)) % 8;
+    for (int way = 0; way < 8; ++way) {
+      const std::vector<Vote>& list = votes.Of(0, way);
+      ASSERT_EQ(list.empty(), way != own && way != other) << "heading " << Heading(normal);
+      double sum = 0, mean_x = 0, mean_z = 0;
+      for (const Vote& vote : list) {
+        sum += vote.weight;
+        mean_x += vote.weight * vote.dx;
+        mean_z += vote.weight * vote.dz;
+      }
+      if (list.empty()) continue;
+      EXPECT_NEAR(sum, 1, 1e-5);
+      EXPECT_NEAR(mean_x, place.x(), 1e-4);
+      EXPECT_NEAR(mean_z, place.z(), 1e-4);
+    }
+  }
+}
+
+OrientedPoint PointAt(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, double area) {
+  return {p, normal.normalized(), area};
+}
+
+TEST(FindOccupied, SortsPointsIntoCells) {
+  const Eigen::Vector3d up(0, 1, 0), aside(1, 0, 0.1), steep(1, 0.8, 0);
+  // The foot is 1 m under the sensor. Half of a cell is 0.1 x 0.1 / 2 of a top, 0.1 x 0.2 / 2 of a
+  // side.
+  const std::vector<OrientedPoint> points = {
+      PointAt({0.31, -0.85, 2.0}, up, 0.001),   PointAt({0.29, -0.82, 2.04}, up, 0.0015),
+      PointAt({0.31, -0.75, 2.0}, aside, 0.02), PointAt({0.31, -0.75, 2.0}, steep, 1),
+      PointAt({0.31, -0.98, 2.0}, up, 1),  // within 3 cm of the floor
+      PointAt({0.31, -0.3, 2.0}, up, 1),   // above all slabs
+      PointAt({0.31, -1.1, 2.0}, up, 1),   // below them
+      PointAt({0.31, -0.85, 8.1}, up, 1),  // too far away
+      PointAt({0.31, -0.85, 2.0}, -up, 1)};
+  const std::vector<OccupiedCell> cells =
+      FindOccupied(points, Outline(), -1, Eigen::Matrix3d::Identity());
+  ASSERT_EQ(cells.size(), 2u);
+  for (const OccupiedCell& cell : cells) {
+    EXPECT_EQ(std::make_tuple(cell.x, cell.z), std::make_tuple(3, 20));
+    EXPECT_EQ(cell.slab, cell.way == kUp ? 0 : 1);
+    EXPECT_NEAR(cell.weight, cell.way == kUp ? 0.0025 / 0.005 : 1, 1e-6);
+  }
+  EXPECT_EQ(cells[0].way, kUp);
+  EXPECT_EQ(cells[1].way, 0);
+}
+
+TEST(FindOccupied, SeesTheRoomsOwnHorizontal) {
+  const Eigen::Vector3d up = Eigen::Vector3d(0.2, -0.9, -0.3).normalized();
+  const Eigen::Matrix3d room = RoomFromSensor(up);
+  const Eigen::Vector3d in_room(-0.7, -0.5, 0.4);
+  const std::vector<OccupiedCell> cells =
+      FindOccupied({PointAt(room.transpose() * in_room, up, 1)}, Outline(), -0.6, room);
+  ASSERT_EQ(cells.size(), 1u);
+  EXPECT_EQ(std::make_tuple(cells[0].x, cells[0].z, cells[0].slab, cells[0].way),
+            std::make_tuple(-7, 4, 0, kUp));
+}
+
+/// The votes of a place, summed up cell by cell.
+double VotesAt(int x, int z, const std::vector<OccupiedCell>& occupied, const Votes& votes) {
+  double sum = 0;
+  for (const OccupiedCell& cell : occupied) {
+    for (const int way : {cell.way, kInside}) {
+      for (const Vote& vote : votes.Of(cell.slab, way)) {
+        if (cell.x - vote.dx == x && cell.z - vote.dz == z) sum += cell.weight * vote.weight;
+      }
+    }
+  }
+  return sum;
+}
+
+TEST(VoteMap, IsACorrelation) {
+  const StackOutline outline = Outline();
+  RandomStream random(5, 0, "vote map");
+  std::vector<StackPiece> pieces;
+  for (int k = 0; k < 60; ++k) {
+    const auto kind = static_cast<StackPiece::Kind>(k % 3);
+    pieces.push_back({random.Uniform(-0.3, 0.3), random.Uniform(-0.3, 0.3), k % 2,
+                      random.Uniform(-3, 3), kind, kind == StackPiece::kInside ? kInsideVote : 1});
+  }
+  Votes votes(outline);
+  votes.Make(pieces, 0.7);
+  std::vector<OccupiedCell> occupied;
+  for (int slab = 0; slab < 3; ++slab) {
+    for (int way = 0; way <= kUp; ++way) {
+      for (int k = 0; k < 4; ++k) {
+        occupied.push_back({random.Below(9) - 12, random.Below(9) + 4, slab, way,
+                            static_cast<float>(random.Uniform(0.2, 1))});
+      }
+    }
+  }
+  VoteMap map(occupied, outline);
+  map.Count(occupied, votes);
+  map.Count(occupied, votes);  // counts anew
+  float most = 0;
+  std::vector<Peak> peaks;
+  map.AppendPeaks(3, 1, &most, &peaks);
+  double highest = 0;
+  std::map<std::pair<int, int>, double> all;
+  for (int x = -30; x < 20; ++x) {
+    for (int z = -15; z < 35; ++z) {
+      all[{x, z}] = VotesAt(x, z, occupied, votes);
+      highest = std::max(highest, all[{x, z}]);
+    }
+  }
+  EXPECT_NEAR(most, highest, 1e-4);
+  std::vector<std::pair<int, int>> expected;
+  for (const auto& [place, sum] : all) {
+    const int x = place.first, z = place.second;
+    const auto beside = [&](int dx, int dz) {
+      const auto found = all.find({x + dx, z + dz});
+      return found != all.end() ? found->second : 0;
+    };
+    if (sum > kLeastVotes * highest && sum > beside(1, 0) && sum > beside(-1, 0) &&
+        sum > beside(0, 1) && sum > beside(0, -1))
+      expected.push_back(place);
+  }
+  std::vector<std::pair<int, int>> found;
+  for (const Peak& peak : peaks) {
+    EXPECT_NEAR(peak.votes, all.at({peak.x, peak.z}), 1e-4);
+    EXPECT_EQ(peak.turn, 3);
+    EXPECT_EQ(peak.foot, 1);
+    found.emplace_back(peak.x, peak.z);
+  }
+  std::sort(found.begin(), found.end());
+  EXPECT_EQ(found, expected);
+  EXPECT_GE(expected.size(), 1u);
+  // What an earlier turn has found twice as high leaves none of these.
+  float higher = 3 * most;
+  peaks.clear();
+  map.AppendPeaks(4, 1, &higher, &peaks);
+  EXPECT_TRUE(peaks.empty());
+  EXPECT_EQ(higher, 3 * most);
+}
+
+}  // namespace
+}  // namespace volalign::stack_votes_test
+
+namespace volalign::stack_outline_test {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::Standing;
+
+/// A box that is as high as 9 slabs of a third of it, so that nothing is cut.
+Structure Crate() {
+  return Structure::FromBoxes("crate", {Box::FromMinMax("c", {1, 2, 3}, {1.4, 2.6, 3.32})});
+}
+
+TEST(MakeStackOutline, IsAsFineAsTheSmallestBox) {
+  const StackOutline outline = MakeStackOutline(Crate());
+  EXPECT_NEAR(outline.radius, std::hypot(0.4, 0.32) / 2, 1e-12);
+  EXPECT_NEAR(outline.cell, 0.32 / 8, 1e-12);
+  EXPECT_NEAR(outline.slab, 0.6 / 3, 1e-12);
+  EXPECT_NEAR(outline.yaw_step, outline.cell / outline.radius, 1e-12);
+  EXPECT_TRUE(outline.foot.isApprox(Eigen::Vector3d(1.2, 2, 3.16), 1e-12));
+  // A slab more than the stack is high, for its top and what is measured a little above it.
+  EXPECT_EQ(outline.slabs, 4);
+  EXPECT_NEAR(MakeStackOutline(Crate(), 16).cell, 0.32 / 16, 1e-12);
+}
+
+TEST(MakeStackOutline, HasLimits) {
+  const auto outline = [](const Eigen::Vector3d& size) {
+    return MakeStackOutline(Structure::FromBoxes("box", {Standing("b", size, {0, 0, 0})}));
+  };
+  EXPECT_NEAR(outline({0.9, 2.5, 0.9}).cell, 0.06, 1e-12);
+  EXPECT_NEAR(outline({0.9, 2.5, 0.9}).slab, 0.2, 1e-12);
+  // 5 m high in 16 slabs; a radius of 2 m in 16 cells.
+  EXPECT_NEAR(outline({0.3, 5, 0.3}).slab, 5.0 / 16, 1e-12);
+  EXPECT_NEAR(outline({4, 0.5, 0.3}).cell, std::hypot(4, 0.3) / 2 / 16, 1e-12);
+}
+
+/// Area by the way that surfaces face, m^2, as the pieces have it.
+struct Areas {
+  std::map<int, double> aside;  // by heading in degrees
+  double up = 0;
+};
+
+Areas AreasOf(const StackOutline& outline) {
+  Areas areas;
+  for (const StackPiece& piece : outline.pieces) {
+    if (piece.kind == StackPiece::kTop) areas.up += piece.weight * outline.cell * outline.cell;
+    if (piece.kind == StackPiece::kSide) {
+      areas.aside[static_cast<int>(std::lround(piece.heading * 180 / M_PI))] +=
+          piece.weight * outline.cell * outline.slab;
+    }
+  }
+  return areas;
+}
+
+TEST(MakeStackOutline, PiecesMakeUpTheSurface) {
+  const StackOutline outline = MakeStackOutline(Crate(), 16);
+  for (const StackPiece& piece : outline.pieces) {
+    // The top is at the third slab's end, and is measured a little below it or above.
+    if (piece.kind == StackPiece::kTop) {
+      EXPECT_EQ(piece.slab, 2);
+    }
+  }
+  const Areas areas = AreasOf(outline);
+  EXPECT_NEAR(areas.up, 0.4 * 0.32, 0.05 * 0.4 * 0.32);
+  ASSERT_EQ(areas.aside.size(), 4u);
+  for (const auto& [heading, area] : areas.aside) {
+    const double expected = (std::abs(heading) == 90 ? 0.4 : 0.32) * 0.6;
+    EXPECT_NEAR(area, expected, 0.05 * expected) << heading;
+  }
+}
+
+// Of several boxes, what no other box covers: its area is known from the structure's sides.
+TEST(MakeStackOutline, PiecesAreThoseThatAreExposed) {
+  const Structure structure = PaperStructure();
+  const Areas areas = AreasOf(MakeStackOutline(structure, 16));
+  double up = 0;
+  std::map<int, double> aside;
+  for (const Side& side : structure.sides()) {
+    if (side.normal.y() > 0.9) up += side.exposed_area;
+    if (std::abs(side.normal.y()) < 0.1)
+      aside[static_cast<int>(std::lround(Heading(side.normal) * 180 / M_PI))] += side.exposed_area;
+  }
+  EXPECT_NEAR(areas.up, up, 0.07 * up);
+  ASSERT_EQ(areas.aside.size(), aside.size());
+  for (const auto& [heading, area] : areas.aside)
+    EXPECT_NEAR(area, aside.at(heading), 0.07 * aside.at(heading)) << heading;
+}
+
+TEST(MakeStackOutline, PiecesLieWhereTheSurfaceIs) {
+  const Structure structure = testing_infer::RandomStack(4);
+  const StackOutline outline = MakeStackOutline(structure);
+  const auto nearest = [&](const Eigen::Vector3d& p) {
+    double distance = 1e9;
+    for (const Side& side : structure.sides())
+      distance = std::min(distance, (side.ClosestPoint(p) - p).norm());
+    return distance;
+  };
+  const auto inside = [&](const Eigen::Vector3d& p) {
+    return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
+      const Eigen::Vector3d local = box.structure_from_box.inverse() * p;
+      return (local.cwiseAbs().array() < box.size.array() / 2 + 1e-9).all();
+    });
+  };
+  int deep = 0;
+  for (const StackPiece& piece : outline.pieces) {
+    ASSERT_TRUE(outline.Has(piece.slab));
+    const Eigen::Vector3d p =
+        outline.foot + Eigen::Vector3d(piece.x, (piece.slab + 0.5) * outline.slab, piece.z);
+    if (piece.kind == StackPiece::kInside) {
+      ++deep;
+      EXPECT_EQ(piece.weight, kInsideVote);
+      EXPECT_TRUE(inside(p));
+      EXPECT_GT(nearest(p), outline.cell) << "no measured surface can be there";
+    } else {
+      // Within its slab, of which the middle is taken here.
+      EXPECT_LT(nearest(p), outline.slab);
+    }
+  }
+  EXPECT_GT(deep, 10);
+}
+
+TEST(StackOutline, CountsSlabsFromTheFoot) {
+  StackOutline outline;
+  outline.slab = 0.2;
+  outline.slabs = 3;
+  EXPECT_EQ(outline.SlabAt(-0.01), -1);
+  EXPECT_EQ(outline.SlabAt(0), 0);
+  EXPECT_EQ(outline.SlabAt(0.19), 0);
+  EXPECT_EQ(outline.SlabAt(0.41), 2);
+  EXPECT_FALSE(outline.Has(-1));
+  EXPECT_TRUE(outline.Has(0));
+  EXPECT_TRUE(outline.Has(2));
+  EXPECT_FALSE(outline.Has(3));
+}
+
+}  // namespace
+}  // namespace volalign::stack_outline_test
+
+namespace volalign::standing_guesses_test {
+namespace {
+
+using testing_infer::Standing;
+
+const Eigen::Vector3d kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);
+
+/// Of 1 m^2.
+RoomPlane Plane(const Eigen::Vector3d& normal, double offset, double behind = 0.5) {
+  return {normal, offset, 1, behind};
+}
+
+TEST(GuessFloors, IsWhatLittleLiesBehind) {
+  const std::vector<StandingGuess> guesses =
+      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, false);
+  ASSERT_EQ(guesses.size(), 2u);
+  EXPECT_EQ(guesses[0].up, kZ);
+  EXPECT_EQ(guesses[0].feet, std::vector<double>{-4});
+  EXPECT_EQ(guesses[1].up, kY);
+  EXPECT_EQ(guesses[1].feet, std::vector<double>{-1.2});
+  EXPECT_TRUE(guesses[1].yaws.empty()) << "every turn";
+}
+
+TEST(GuessFloors, ATableIsWhatMoreLiesBehind) {
+  const std::vector<StandingGuess> guesses =
+      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, true);
+  ASSERT_EQ(guesses.size(), 1U);
+  EXPECT_EQ(guesses[0].up, kX);
+  EXPECT_EQ(guesses[0].feet, std::vector<double>{-2});
+}
+
+TEST(GuessFloors, AreFourAtMost) {
+  std::vector<RoomPlane> planes;
+  for (int k = 0; k < 6; ++k) planes.push_back(Plane(kY, -1 - k, 0));
+  const std::vector<StandingGuess> guesses = GuessFloors(planes, false);
+  ASSERT_EQ(guesses.size(), 4u);
+  EXPECT_EQ(guesses[3].feet, std::vector<double>{-4});
+  EXPECT_TRUE(GuessFloors({}, false).empty());
+}
+
+/// 0.5 m and 0.8 m high tops.
+Structure Stack() {
+  return Structure::FromBoxes("stack", {Standing("low", {0.6, 0.5, 0.4}, {0, 0, 0}),
+                                        Standing("high", {0.3, 0.3, 0.4}, {0.1, 0.5, 0})});
+}
+
+/// Points of a level surface, `area` m^2 altogether.
+void AddLevel(double height, double area, std::vector<OrientedPoint>* points) {
+  constexpr int kPoints = 100;
+  for (int k = 0; k < kPoints; ++k) points->push_back({{0.01 * k, height, 2}, kY, area / kPoints});
+}
+
+std::vector<StandingGuess> Guess(const std::vector<OrientedPoint>& points,
+                                 const std::vector<RoomPlane>& planes,
+                                 const std::vector<RoomPlane>& small,
+                                 const std::vector<Eigen::Vector3d>& usual = {}) {
+  const Structure structure = Stack();
+  return GuessWithoutFloor(points, planes, small, structure, MakeStackOutline(structure), usual);
+}
+
+const StandingGuess* FindUp(const std::vector<StandingGuess>& guesses, const Eigen::Vector3d& up) {
+  const auto found = std::find_if(guesses.begin(), guesses.end(), [&](const StandingGuess& guess) {
+    return guess.up.dot(up) > std::cos(1e-6);
+  });
+  return found == guesses.end() ? nullptr : &*found;
+}
+
+TEST(GuessWithoutFloor, UpIsADirectionOfPlanesOrAtARightAngleToTwo) {
+  // Two upright sides and nothing level: up is their cross product, either way, or one of them.
+  const std::vector<StandingGuess> guesses = Guess({}, {}, {Plane(kX, -1), Plane(kZ, -2)});
+  for (const Eigen::Vector3d& axis : {kX, kY, kZ}) {
+    for (const double sign : {-1.0, 1.0})
+      EXPECT_NE(FindUp(guesses, sign * axis), nullptr) << sign * axis.transpose();
+  }
+  EXPECT_EQ(guesses.size(), 6u);
+  // Planes that are alike, to 15 deg, are of one direction; those 45 deg apart have no cross
+  // product at a right angle to both that a stack's sides could have.
+  const Eigen::Vector3d alike = Eigen::Vector3d(1, 0.2, 0).normalized();
+  const Eigen::Vector3d between = Eigen::Vector3d(1, 0, 1).normalized();
+  EXPECT_EQ(Guess({}, {}, {Plane(kX, -1), Plane(alike, -2), Plane(kZ, -2)}).size(), 6u);
+  for (const StandingGuess& guess : Guess({}, {}, {Plane(kX, -1), Plane(between, -2)}))
+    EXPECT_LT(std::abs(guess.up.dot(kY)), 0.5);
+}
+
+TEST(GuessWithoutFloor, OnePlaneAloneNeedsTheUsualDirection) {
+  EXPECT_EQ(FindUp(Guess({}, {}, {Plane(kZ, -2)}), kY), nullptr);
+  // 30 deg off upright: as near to the usual direction as the plane lets it.
+  const Eigen::Vector3d leaning(0, std::sin(M_PI / 6), std::cos(M_PI / 6));
+  const std::vector<StandingGuess> guesses = Guess({}, {}, {Plane(leaning, -2)}, {kY});
+  const Eigen::Vector3d expected(0, std::cos(M_PI / 6), -std::sin(M_PI / 6));
+  EXPECT_NE(FindUp(guesses, expected), nullptr);
+  // 40 deg off it is no upright plane.
+  const Eigen::Vector3d flat(0, std::sin(M_PI / 4.5), std::cos(M_PI / 4.5));
+  const Eigen::Vector3d at_right_angle(0, std::cos(M_PI / 4.5), -std::sin(M_PI / 4.5));
+  EXPECT_EQ(FindUp(Guess({}, {}, {Plane(flat, -2)}, {kY}), at_right_angle), nullptr);
+}
+
+/// Whether a side of the structure faces against `normal` at one of the turns, sensor frame.
+bool SomeSideFaces(const StandingGuess& guess, const Eigen::Vector3d& normal) {
+  const Eigen::Matrix3d room = RoomFromSensor(guess.up);
+  const Structure stack = Stack();
+  return std::any_of(guess.yaws.begin(), guess.yaws.end(), [&](double yaw) {
+    const Eigen::Matrix3d room_from_structure =
+        Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    return std::any_of(stack.sides().begin(), stack.sides().end(), [&](const Side& side) {
+      return (room_from_structure * side.normal).dot(room * normal) > std::cos(1e-6);
+    });
+  });
+}
+
+TEST(GuessWithoutFloor, TurnsBringSidesToFaceAsPlanesDo) {
+  const double angle = 0.35;
+  const Eigen::Vector3d one(std::cos(angle), 0, std::sin(angle));
+  const std::vector<StandingGuess> guesses =
+      Guess({}, {Plane(kY, -1)}, {Plane(one, -1), Plane(kZ, -2)});
+  const StandingGuess* guess = FindUp(guesses, kY);
+  ASSERT_NE(guess, nullptr);
+  EXPECT_TRUE(SomeSideFaces(*guess, one));
+  EXPECT_TRUE(SomeSideFaces(*guess, kZ));
+  // Boxes have four sides: four turns for each of the two directions, which are 0.35 + 90 deg
+  // apart.
+  EXPECT_EQ(guess->yaws.size(), 8u);
+  // The same direction again adds none.
+  EXPECT_EQ(FindUp(Guess({}, {Plane(kY, -1)}, {Plane(one, -1), Plane(-one, -2)}), kY)->yaws.size(),
+            4u);
+}
+
+TEST(GuessWithoutFloor, ATopIsAsHighAsASurfaceThatFacesUp) {
+  std::vector<OrientedPoint> points;
+  AddLevel(-0.4, 0.2, &points);
+  AddLevel(0.3, 0.1, &points);
+  AddLevel(0.9, 0.02, &points);  // too small beside the largest
+  points.push_back({{0, -3, 2}, kX, 5});
+  const std::vector<StandingGuess> guesses =
+      Guess(points, {Plane(kY, -1)}, {Plane(kX, -1), Plane(kZ, -2)});
+  const StandingGuess* guess = FindUp(guesses, kY);
+  ASSERT_NE(guess, nullptr);
+  std::vector<double> feet = guess->feet;
+  std::sort(feet.begin(), feet.end());
+  // Each of the levels -0.4 and 0.3, less a top of 0.5 and of 0.8; to a part of a slab.
+  const std::vector<double> expected = {-1.2, -0.9, -0.5, -0.2};
+  ASSERT_EQ(feet.size(), expected.size());
+  for (std::size_t k = 0; k < feet.size(); ++k) EXPECT_NEAR(feet[k], expected[k], 0.02);
+}
+
+TEST(GuessWithoutFloor, WhereNothingFacesUpAnyHeightMayBeTheFoot) {
+  std::vector<OrientedPoint> points = {{{0, -1, 2}, kX, 0.1}, {{0, 0.5, 2}, kX, 0.1}};
+  const std::vector<StandingGuess> guesses = Guess(points, {}, {Plane(kX, -1), Plane(kZ, -2)});
+  const StandingGuess* guess = FindUp(guesses, kY);
+  ASSERT_NE(guess, nullptr);
+  const double slab = MakeStackOutline(Stack()).slab;
+  // From where its top would be at the lowest point up to where its foot would be at the highest.
+  EXPECT_NEAR(guess->feet.front(), -1 - 0.8, 1e-9);
+  EXPECT_GT(guess->feet.back(), 0.5 - slab - 1e-9);
+  for (std::size_t k = 1; k < guess->feet.size(); ++k)
+    EXPECT_NEAR(guess->feet[k] - guess->feet[k - 1], slab, 1e-9);
+}
+
+TEST(GuessWithoutFloor, NeedsAPlaneThatMayBeASide) {
+  EXPECT_TRUE(Guess({}, {Plane(kX, -1), Plane(kY, -1)}, {}).empty());
+  EXPECT_TRUE(Guess({}, {}, {}, {kY}).empty());
+}
+
+}  // namespace
+}  // namespace volalign::standing_guesses_test

@@ -2,11 +2,21 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
+#include "infer/refine/association.h"
+#include "infer/refine/box_edges.h"
+#include "infer/refine/sensor_points.h"
+#include "infer/refine/silhouettes.h"
 #include "infer/view/alike.h"
 #include "tests/infer/refine/points_and_observations.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::refine_internal::observations_test {
 namespace {
@@ -142,3 +152,388 @@ TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
 
 }  // namespace
 }  // namespace volalign::refine_internal::observations_test
+
+namespace volalign::sensor_points_test {
+namespace {
+
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::PointsOf;
+using testing_infer::Rig;
+using testing_infer::RingOfEight;
+using testing_infer::RingPose;
+
+TEST(PixelNormals, AreTheFacesOwn) {
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(40);
+  const auto rendered = testing_infer::Render(structure, Kinect(), pose);
+  const SensorView view = MakeSensorView(rendered.depth, Kinect());
+  int tested = 0;
+  for (int v = 4; v < view.height() - 4; v += 3) {
+    for (int u = 4; u < view.width() - 4; u += 3) {
+      const int label = rendered.labels(u, v);
+      if (label == 0) continue;
+      bool whole = true;
+      for (int dv = -3; dv <= 3; ++dv) {
+        for (int du = -3; du <= 3; ++du) whole = whole && rendered.labels(u + du, v + dv) == label;
+      }
+      Eigen::Vector3d normal;
+      const bool found = PixelNormal(view, u, v, 3, &normal);
+      if (!whole) continue;
+      ASSERT_TRUE(found) << u << " " << v;
+      const Eigen::Vector3d truth = pose.linear().transpose() * structure.SideOfLabel(label).normal;
+      EXPECT_LT((normal - truth).norm(), 1e-3) << u << " " << v;
+      ++tested;
+    }
+  }
+  EXPECT_GT(tested, 300);
+}
+
+TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
+  const Rig rig = RingOfEight();
+  const std::vector<SensorPoints> points = PointsOf(rig);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    double sum = 0;
+    int count = 0;
+    for (const EdgePoint& edge : points[i].edge_points) {
+      if (edge.one_sided) continue;  // placed as if a sensor lost pixels: see silhouettes_test
+      const Side& side = rig.structure.SideOfLabel(edge.label);
+      const Eigen::Vector3d p = *rig.frames[i].ground_truth * edge.p;
+      // Closed form: signed distance from the nearest of the rectangle's four edge lines.
+      const double du = std::abs(side.axis_u.dot(p - side.centre)) - side.half_u;
+      const double dv = std::abs(side.axis_v.dot(p - side.centre)) - side.half_v;
+      const double distance = std::abs(du) < std::abs(dv) ? du : dv;
+      EXPECT_LT(std::abs(side.normal.dot(p - side.centre)), 5e-3);
+      EXPECT_LT(std::abs(distance), 3 * edge.sigma + 2e-3) << side.name;
+      sum += distance;
+      ++count;
+    }
+    ASSERT_GT(count, 100) << i;
+    EXPECT_LT(std::abs(sum / count), 1e-3) << "silhouettes are biased";
+  }
+}
+
+TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
+  const Rig rig = RingOfEight();
+  const SensorView view = MakeSensorView(rig.frames[0].depth, rig.frames[0].intrinsics);
+  LabelImage labels = rig.labels[0];
+  const auto sampled = [&] {
+    std::vector<std::array<double, 3>> points;
+    RefineOptions options;
+    options.max_side_points = 1000;
+    for (const SidePoint& point :
+         SamplePoints(view, testing_infer::Certain(labels), rig.structure, options, 0.5)
+             .side_points)
+      points.push_back({point.p.x(), point.p.y(), point.p.z()});
+    std::sort(points.begin(), points.end());
+    return points;
+  };
+  const auto before = sampled();
+  for (int v = 0; v < labels.height(); ++v)
+    labels(v * 7 % labels.width(), v) = 0;  // one pixel of each row
+  const auto after = sampled();
+  std::vector<std::array<double, 3>> same;
+  std::set_intersection(before.begin(), before.end(), after.begin(), after.end(),
+                        std::back_inserter(same));
+  EXPECT_GT(before.size(), 500u);
+  EXPECT_GT(same.size(), before.size() * 97 / 100);
+}
+
+/// The frame as a matcher would give it: what is nearer covers the pixels next to it, too.
+void GrowForeground(DepthImage* depth, LabelImage* labels) {
+  const DepthImage before = *depth;
+  const LabelImage sides = *labels;
+  for (int v = 1; v + 1 < depth->height(); ++v) {
+    for (int u = 1; u + 1 < depth->width(); ++u) {
+      for (const auto& [x, y] : {std::pair(u - 1, v), {u + 1, v}, {u, v - 1}, {u, v + 1}}) {
+        if (before(x, y) == 0 || before(x, y) > (*depth)(u, v) - 0.1F) continue;
+        (*depth)(u, v) = before(x, y);
+        (*labels)(u, v) = sides(x, y);
+      }
+    }
+  }
+}
+
+TEST(SidePoints, OfAStereoPairSayWhereItsMatcherAddsSome) {
+  const Rig rig = RingOfEight();
+  for (const bool stereo : {true, false}) {
+    std::size_t points = 0, off = 0;
+    for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+      DepthImage depth = rig.frames[i].depth;
+      LabelImage labels = rig.labels[i];
+      GrowForeground(&depth, &labels);
+      const SensorView view =
+          MakeSensorView(depth, rig.frames[i].intrinsics,
+                         ErrorsOf(stereo ? "realsense_d415" : "azure_kinect_nfov_binned"));
+      const SensorPoints sampled =
+          SamplePoints(view, testing_infer::Certain(labels), rig.structure, RefineOptions(), 0.5);
+      for (const SidePoint& point : sampled.side_points) {
+        const Side& side = rig.structure.SideOfLabel(point.label);
+        const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
+        if (point.aside_rad > 0) continue;
+        ++points;
+        off += std::abs(side.normal.dot(p - side.centre)) > 5e-3;
+      }
+    }
+    EXPECT_GT(points, 2000u) << stereo;
+    if (stereo) {
+      EXPECT_EQ(off, 0u);
+    } else {
+      EXPECT_GT(off, 200u);
+    }
+  }
+}
+
+/// A pixel that was not measured is no end of a side.
+TEST(SidePoints, OfAStereoPairLieBesideHoles) {
+  const Rig rig = RingOfEight();
+  const auto sampled = [&](const DepthImage& depth) {
+    const SensorView view =
+        MakeSensorView(depth, rig.frames[0].intrinsics, ErrorsOf("realsense_d415"));
+    RefineOptions all;
+    all.max_side_points = static_cast<int>(depth.size());
+    const SensorPoints points =
+        SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all, 0.5);
+    return std::count_if(points.side_points.begin(), points.side_points.end(),
+                         [](const SidePoint& point) { return point.aside_rad == 0; });
+  };
+  DepthImage depth = rig.frames[0].depth;
+  std::ptrdiff_t holes = 0;
+  for (int v = 0; v < depth.height(); v += 3) {
+    for (int u = v % 2; u < depth.width(); u += 3) {
+      holes += depth(u, v) > 0 && rig.labels[0](u, v) > 0;
+      depth(u, v) = 0;
+    }
+  }
+  EXPECT_GT(holes, 200);
+  EXPECT_GT(sampled(depth) + holes, sampled(rig.frames[0].depth) * 98 / 100);
+}
+
+}  // namespace
+}  // namespace volalign::sensor_points_test
+
+// Silhouettes with nothing behind them: they lie on the edges of sides, and what only looks like
+// one is none.
+namespace volalign::silhouettes_test {
+namespace {
+
+using testing_infer::Certain;
+using testing_infer::Kinect;
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+/// The structure before nothing.
+struct Frame {
+  Structure structure = PaperStructure();
+  Pose pose;
+  testing_infer::SyntheticView rendered;
+
+  explicit Frame(const Pose& from)
+      : pose(from), rendered(testing_infer::Render(structure, Kinect(), from, {false, 0})) {}
+
+  /// Takes depth and labels away where `gone(u, v)`.
+  template <class Gone>
+  void Erase(const Gone& gone) {
+    for (int v = 0; v < rendered.depth.height(); ++v) {
+      for (int u = 0; u < rendered.depth.width(); ++u) {
+        if (!gone(u, v)) continue;
+        rendered.depth(u, v) = 0;
+        rendered.labels(u, v) = 0;
+      }
+    }
+  }
+  Silhouettes Find() const {
+    const SensorView view = MakeSensorView(rendered.depth, Kinect());
+    const SegmentationResult labels = Certain(rendered.labels);
+    return FindSilhouettes({view, labels, static_cast<std::size_t>(structure.num_classes()), 0.5});
+  }
+  /// Distance, m, of the point from the nearest edge of its side, positive outside of it.
+  double Outside(const EdgePoint& edge) const {
+    const Side& side = structure.SideOfLabel(edge.label);
+    const Eigen::Vector3d p = pose * edge.p - side.centre;
+    const double du = std::abs(side.axis_u.dot(p)) - side.half_u;
+    const double dv = std::abs(side.axis_v.dot(p)) - side.half_v;
+    return std::abs(du) < std::abs(dv) ? du : dv;
+  }
+  static Eigen::Vector2d Pixel(const EdgePoint& edge) {
+    return {Kinect().fx * edge.p.x() / edge.p.z() + Kinect().cx,
+            Kinect().fy * edge.p.y() / edge.p.z() + Kinect().cy};
+  }
+};
+
+// A plane that faces the sensor at 2 m ends behind column 180; after a gap, a wall at 3 m follows.
+TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
+  for (int gap = 0; gap <= 3; ++gap) {
+    DepthImage depth(320, 288, 3.0f);
+    LabelImage labels(320, 288, 0);
+    for (int v = 100; v < 180; ++v) {
+      for (int u = 120; u <= 180 + gap; ++u) {
+        depth(u, v) = u <= 180 ? 2.0f : 0.0f;
+        labels(u, v) = u <= 180 ? 1 : 0;
+      }
+    }
+    const SensorView view = MakeSensorView(depth, Kinect());
+    const SegmentationResult certain = Certain(labels);
+    std::size_t count = 0;
+    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2, 0.5}).two_sided) {
+      if (edge.axis != 0 || edge.outward.x() < 0) continue;
+      ++count;
+      EXPECT_NEAR(Frame::Pixel(edge).x(), 180.5 + 0.25 * gap, 1e-3) << gap;
+      EXPECT_NEAR(edge.p.z(), 2, 1e-5);
+      EXPECT_NEAR(edge.pixel, 2 / Kinect().fx, 1e-6);
+      // Anywhere in the pixels of the gap and one more.
+      EXPECT_NEAR(edge.sigma, (gap + 1) * edge.pixel / std::sqrt(12.0), 1e-6);
+    }
+    EXPECT_GT(count, 60u) << gap;
+  }
+}
+
+// Gaps of 1 to 4 pixels, all of them at the side's cost.
+TEST(OneSided, LieOnTheEdgesOfTheirSides) {
+  for (const double phi : {20.0, 90.0, 215.0}) {
+    Frame frame(RingPose(phi));
+    testing_infer::LeaveGaps(&frame.rendered.depth, &frame.rendered.labels, 1, 4, 7);
+    const Silhouettes found = frame.Find();
+    ASSERT_GT(found.one_sided.size(), 60u) << phi;
+    double sum = 0;
+    std::size_t near = 0;
+    for (const EdgePoint& edge : found.one_sided) {
+      EXPECT_TRUE(edge.one_sided);
+      const double outside = frame.Outside(edge);
+      sum += outside / edge.pixel;
+      near += std::abs(outside) < 4 * edge.pixel ? 1 : 0;
+    }
+    const auto count = static_cast<double>(found.one_sided.size());
+    EXPECT_GT(static_cast<double>(near) / count, 0.95) << phi;
+    // 2.5 px are missing in the mean, of which 1.25 are expected.
+    EXPECT_LT(std::abs(sum / count), 2) << phi;
+  }
+}
+
+TEST(OneSided, TheirDirectionIsMeasured) {
+  const Frame frame(RingPose(70, 2.0, 0.4, 70));  // 20 deg askew in the picture
+  std::size_t square = 0;
+  const Silhouettes found = frame.Find();
+  for (const EdgePoint& edge : found.one_sided) {
+    const Side& side = frame.structure.SideOfLabel(edge.label);
+    const Eigen::Vector3d outward = frame.pose.linear() * edge.outward;
+    square += std::max(std::abs(outward.dot(side.axis_u)), std::abs(outward.dot(side.axis_v))) >
+                      std::cos(10 * M_PI / 180)
+                  ? 1
+                  : 0;
+  }
+  ASSERT_GT(found.one_sided.size(), 40u);
+  EXPECT_GT(static_cast<double>(square), 0.9 * static_cast<double>(found.one_sided.size()));
+}
+
+TEST(OneSided, AHoleInASideIsNone) {
+  Frame frame(RingPose(90));
+  // 14 px wide, where 24 px round about show one side.
+  const LabelImage& labels = frame.rendered.labels;
+  int at_u = 0, at_v = 0;
+  for (int v = 12; v < 276; ++v) {
+    for (int u = 12; u < 308; ++u) {
+      bool whole = labels(u, v) > 0;
+      for (int k = -12; k <= 12 && whole; ++k) {
+        for (int l = -12; l <= 12; ++l) whole = whole && labels(u + k, v + l) == labels(u, v);
+      }
+      if (whole) at_u = u, at_v = v;
+    }
+  }
+  ASSERT_GT(at_u, 0);
+  frame.Erase([&](int u, int v) { return std::abs(u - at_u) < 7 && std::abs(v - at_v) < 7; });
+  for (const EdgePoint& edge : frame.Find().one_sided) {
+    const Eigen::Vector2d from = Frame::Pixel(edge) - Eigen::Vector2d(at_u, at_v);
+    EXPECT_GT(from.cwiseAbs().maxCoeff(), 10) << from.transpose();
+  }
+}
+
+// The picture ends, or a sensor leaves a band along its border empty.
+TEST(OneSided, TheBorderOfThePictureIsNone) {
+  for (const int band : {0, 7}) {
+    Frame frame(RingPose(90, 1.0, 0.2));  // so near that the picture cuts the stack off
+    frame.Erase([&](int u, int) { return u < band || u >= 320 - band; });
+    int labelled = 0;
+    for (int v = 0; v < 288; ++v) labelled += frame.rendered.labels(band, v) > 0 ? 1 : 0;
+    ASSERT_GT(labelled, 20);
+    for (const EdgePoint& edge : frame.Find().one_sided) {
+      if (edge.axis != 0) continue;
+      const double u = Frame::Pixel(edge).x();
+      EXPECT_TRUE(u > band + 3 && u < 316 - band) << u;
+    }
+  }
+}
+
+// Something nearer hides a part of the stack, with a gap of 8 px round it.
+TEST(OneSided, WhatIsHiddenHasNone) {
+  Frame frame(RingPose(90));
+  frame.Erase([](int u, int) { return std::abs(u - 160) < 18; });
+  for (int v = 0; v < 288; ++v) {
+    for (int u = 151; u < 170; ++u) frame.rendered.depth(u, v) = 1;
+  }
+  for (const EdgePoint& edge : frame.Find().one_sided) {
+    if (std::abs(Frame::Pixel(edge).x() - 160) < 24) {
+      EXPECT_LT(std::abs(frame.Outside(edge)), 5 * edge.pixel) << Frame::Pixel(edge).transpose();
+    }
+  }
+}
+
+// An Azure Kinect lights a hexagon, whose sides run at 30 deg to the picture's: nothing is seen
+// beyond them, and what ends there is no edge of the structure.
+TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
+  using refine_internal::EdgeLine;
+  Frame frame(RingPose(90));
+  const auto lit = [](int u, int v) { return std::abs(u - 164) <= 130 - 0.58 * std::abs(v - 148); };
+  frame.Erase([&](int u, int v) { return !lit(u, v); });
+  refine_internal::FrameState sensor;
+  sensor.structure_from_sensor = frame.pose;
+  int on_border = 0, taken = 0;
+  for (const EdgePoint& edge : frame.Find().one_sided) {
+    const Eigen::Vector2d at = Frame::Pixel(edge);
+    const double margin = 130 - 0.58 * std::abs(at.y() - 148) - std::abs(at.x() - 164);
+    if (std::abs(margin) > 4 || std::abs(frame.Outside(edge)) < 4 * edge.pixel) continue;
+    ++on_border;
+    EdgeLine line;
+    taken += LiesOnAnEdge(frame.structure, sensor, edge, 0.15, &line) ? 1 : 0;
+  }
+  ASSERT_GT(on_border, 10);
+  EXPECT_LE(taken, on_border / 10);
+}
+
+}  // namespace
+}  // namespace volalign::silhouettes_test
+
+namespace volalign::refine_internal::box_edges_test {
+namespace {
+
+// LikeliestEdge: tests/infer/calib/hypotheses_test.cc.
+
+double Bottom(const Structure& structure, std::size_t box) {
+  const Box& of = structure.boxes()[box];
+  return of.structure_from_box.translation().y() - of.size.y() / 2;
+}
+
+TEST(WithEdge, AHigherBoxLiftsWhatRestsOnItAndNothingElse) {
+  const Structure structure =
+      Structure::FromBoxes("four", {Box::FromMinMax("low", {-0.3, 0, -0.2}, {0.3, 0.3, 0.2}),
+                                    Box::FromMinMax("middle", {-0.2, 0.3, -0.1}, {0.2, 0.6, 0.1}),
+                                    Box::FromMinMax("high", {-0.1, 0.6, -0.1}, {0.3, 0.8, 0.1}),
+                                    Box::FromMinMax("beside", {0.4, 0, -0.2}, {0.7, 0.3, 0.2})});
+  const Structure higher = WithEdge(structure, 1, 1, 0.02);
+  EXPECT_NEAR(Bottom(higher, 0), 0, 1e-12);
+  EXPECT_NEAR(Bottom(higher, 1), 0.3, 1e-12);
+  EXPECT_NEAR(higher.boxes()[1].size.y(), 0.32, 1e-12);
+  EXPECT_NEAR(Bottom(higher, 2), 0.62, 1e-12);
+  EXPECT_NEAR(Bottom(higher, 3), 0, 1e-12);
+  const Structure lowest = WithEdge(structure, 0, 1, -0.02);
+  EXPECT_NEAR(Bottom(lowest, 2), 0.58, 1e-12);
+  const Structure wider = WithEdge(structure, 0, 2, 0.02);
+  EXPECT_NEAR(wider.boxes()[0].size.z(), 0.42, 1e-12);
+  EXPECT_TRUE(
+      wider.boxes()[0].structure_from_box.isApprox(structure.boxes()[0].structure_from_box));
+  EXPECT_NEAR(Bottom(wider, 1), 0.3, 1e-12);
+  EXPECT_EQ(wider.SideNames(), structure.SideNames());
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::box_edges_test

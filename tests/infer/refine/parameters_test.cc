@@ -4,11 +4,14 @@
 #include <ceres/problem.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <numeric>
 #include <string>
 #include <vector>
 
+#include "infer/refine/estimates.h"
+#include "infer/refine/gauge.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/solution.h"
 #include "infer/refine/terms.h"
@@ -284,3 +287,182 @@ TEST(FrameState, CorrectsAlongTheRay) {
 
 }  // namespace
 }  // namespace volalign::refine_internal::parameters_test
+
+namespace volalign::refine_internal::estimates_test {
+namespace {
+
+using testing_infer::SomePriors;
+
+/// Two sensors and the paper's four boxes: priors alone, then what measurements add.
+struct Handmade {
+  Structure structure = testing_infer::PaperStructure();
+  Priors priors = SomePriors();
+  ParameterLayout layout = LayoutOf(2, 4);
+  FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {ErrorsOf(""), ErrorsOf("")});
+  NormalEquations normal;
+
+  Handmade() {
+    normal.information = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
+    normal.gradient = Eigen::VectorXd::Zero(layout.size());
+  }
+  /// A measurement of one parameter that is `times` as tight as its prior.
+  void Measure(Eigen::Index column, double times) {
+    normal.information(column, column) *= 1 + times * times;
+  }
+  FreeSet Kept() const {
+    return Observable(normal, layout, structure, priors, {LensChange::Zero()},
+                      layout.Constant(free), sigmas, free);
+  }
+};
+
+TEST(Observable, PriorsAloneTellNothing) {
+  const FreeSet kept = Handmade().Kept();
+  EXPECT_FALSE(kept.size);
+  EXPECT_EQ(kept.boxes, (std::vector<char>{0, 0, 0, 0}));
+  EXPECT_EQ(kept.gain, (std::vector<char>{0, 0}));
+  EXPECT_EQ(kept.offset, (std::vector<char>{0, 0}));
+}
+
+TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
+  Handmade made;
+  // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
+  made.Measure(made.layout.Size(), 1.1);
+  made.Measure(made.layout.Gain(0), 1.1);
+  made.Measure(made.layout.Gain(1), 0.9);
+  made.Measure(made.layout.Offset(1), 1.1);
+  for (const Eigen::Index b : {0, 1, 3}) {
+    made.Measure(made.layout.Boxes() + 3 * b, 5);
+    if (b != 3) made.Measure(made.layout.Boxes() + 3 * b + 1, 5);
+  }
+  const FreeSet kept = made.Kept();
+  EXPECT_TRUE(kept.size);
+  EXPECT_EQ(kept.gain, (std::vector<char>{1, 0}));
+  EXPECT_EQ(kept.offset, (std::vector<char>{0, 1}));
+  EXPECT_EQ(kept.boxes, (std::vector<char>{1, 1, 0, 0})) << "of the last, only x is known";
+  // What is not free is never kept.
+  made.free.size = false;
+  EXPECT_FALSE(made.Kept().size);
+}
+
+TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
+  // Depths at 2.3 m, where a gain moves them as far as the offset does: their sum is measured to
+  // half of what each may be. Either is then known to sqrt(1.25 / 2.25) = 0.75 of its prior, over
+  // the limit of 0.7; the offset, where the gain is none, to sqrt(0.25 / 1.25) = 0.45 of it.
+  Handmade made;
+  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
+  const double depth = made.priors.offset / *made.priors.gain, sigma = made.priors.offset / 2;
+  Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
+  row[offset] = 1 / sigma;
+  row[gain] = depth / sigma;
+  made.normal.information += row * row.transpose();
+  const Eigen::MatrixXd both = made.normal.information.inverse();
+  ASSERT_NEAR(std::sqrt(both(offset, offset)) / made.priors.offset, 0.745, 0.001);
+  ASSERT_NEAR(std::sqrt(both(gain, gain)) / *made.priors.gain, 0.745, 0.001);
+  const FreeSet kept = made.Kept();
+  EXPECT_FALSE(kept.gain[0]);
+  EXPECT_TRUE(kept.offset[0]);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::estimates_test
+
+namespace volalign::refine_internal::gauge_test {
+namespace {
+
+using testing_infer::PaperStructure;
+using testing_infer::RingPose;
+
+/// Two sensors in two stills, the second in the second only, and boxes that stand anywhere. The
+/// third frame is held; one box of the first still is not estimated.
+struct Handmade {
+  Structure structure = PaperStructure();
+  SensorPoints nothing;
+  RefineOptions options;
+  std::vector<FrameInput> frames;
+  Pose placement = Pose::Identity();
+  Solution solution;
+
+  Handmade() {
+    placement.linear() = RotationExp({0, 0.7, 0});
+    placement.translation() = Eigen::Vector3d(0.4, 0.01, -0.3);
+    const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
+    for (int i = 0; i < 3; ++i) {
+      const Pose& pose = poses[static_cast<std::size_t>(i)];
+      frames.push_back({testing_infer::Borrowed(nothing), pose, -1, i / 2, i == 0 ? 0 : 1});
+    }
+    const JointProblem problem = Problem();
+    solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,
+                                  {Pose::Identity(), placement});
+    for (std::vector<double>& still : solution.state.boxes) {
+      for (double& value : still) value = 0.001 * next_++;
+    }
+    solution.state.UpdateBuilt(problem.model);
+    solution.free.boxes = {1, 1, 0, 1, 1, 1, 1, 1};
+    solution.held = {0, 0, 1};
+    solution.observed.resize(3);
+  }
+  JointProblem Problem() const { return {structure, frames, options, {}, 2}; }
+
+ private:
+  int next_ = 1;
+};
+
+Pose SensorFromBox(const State& state, std::size_t frame, std::size_t box) {
+  return state.poses[frame].ToPose().inverse() * state.Built(frame).boxes()[box].structure_from_box;
+}
+
+Pose FirstFromSensor(const State& state, std::size_t frame) {
+  return state.placements[state.StillOf(frame)].ToPose() * state.poses[frame].ToPose();
+}
+
+TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
+  Handmade made;
+  const State before = made.solution.state;
+  CentreBoxes(made.Problem(), &made.solution);
+  const State& after = made.solution.state;
+  for (std::size_t still = 0; still < 2; ++still) {
+    double x = 0, z = 0;
+    for (int b = 0; b < 4; ++b) {
+      const auto k = static_cast<std::size_t>(b);
+      const auto at = [&](const State& state, int parameter) {
+        return state.boxes[still][static_cast<std::size_t>(parameter)];
+      };
+      EXPECT_EQ(at(after, BuildModel::Yaw(b)), at(before, BuildModel::Yaw(b)));
+      if (!made.solution.free.boxes[4 * still + k]) {
+        EXPECT_EQ(at(after, BuildModel::X(b)), at(before, BuildModel::X(b)));
+        EXPECT_EQ(at(after, BuildModel::Z(b)), at(before, BuildModel::Z(b)));
+        continue;
+      }
+      x += at(after, BuildModel::X(b));
+      z += at(after, BuildModel::Z(b));
+      EXPECT_TRUE(SensorFromBox(after, still, k).isApprox(SensorFromBox(before, still, k), 1e-12))
+          << still << " " << b;
+    }
+    EXPECT_NEAR(x, 0, 1e-15);
+    EXPECT_NEAR(z, 0, 1e-15);
+  }
+  const auto second_from_first = [](const State& state) -> Pose {
+    return FirstFromSensor(state, 1).inverse() * FirstFromSensor(state, 0);
+  };
+  EXPECT_TRUE(second_from_first(after).isApprox(second_from_first(before), 1e-12));
+  EXPECT_TRUE(after.placements[0].ToPose().isApprox(Pose::Identity(), 1e-15));
+  EXPECT_TRUE(after.poses[2].ToPose().isApprox(made.frames[2].start, 1e-12));
+}
+
+TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {
+  Handmade made;
+  // A side of the box that is not estimated.
+  FaceObservation face;
+  for (face.label = 1; made.structure.SideOfLabel(face.label).box != 2;) ++face.label;
+  made.solution.observed[0].faces = {face};
+  const State before = made.solution.state;
+  CentreBoxes(made.Problem(), &made.solution);
+  const State& after = made.solution.state;
+  EXPECT_EQ(after.boxes[0], before.boxes[0]);
+  EXPECT_TRUE(after.poses[0].ToPose().isApprox(before.poses[0].ToPose(), 1e-15));
+  EXPECT_NE(after.boxes[1], before.boxes[1]) << "all boxes of the other still are estimated";
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::gauge_test

@@ -4,10 +4,27 @@
 #include <ceres/version.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "core/geometry/frame_errors.h"
+#include "core/geometry/sensor_kind.h"
+#include "infer/refine/build_model.h"
 #include "infer/refine/ceres_version.h"
+#include "infer/refine/noise.h"
+#include "infer/refine/options.h"
+#include "infer/refine/pose_manifold.h"
+#include "infer/refine/solution.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/infer/refine/points_and_observations.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::refine_internal::solver_test {
 namespace {
@@ -61,3 +78,236 @@ TEST(CeresVersion, BeginsWithItsNumber) {
 
 }  // namespace
 }  // namespace volalign::refine_internal::solver_test
+
+namespace volalign::refine_internal::pose_block_test {
+namespace {
+
+Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
+  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
+}
+
+Pose RandomPose(RandomStream& random) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp(RandomVector(random, 1.5));
+  pose.translation() = RandomVector(random, 2);
+  return pose;
+}
+
+TEST(LeftPoseManifold, PlusIsPerturbLeft) {
+  RandomStream random(5, 0, "plus");
+  for (int trial = 0; trial < 30; ++trial) {
+    const Pose pose = RandomPose(random);
+    Vector6d delta;
+    for (int i = 0; i < 6; ++i) delta[i] = random.Normal(0, trial % 2 ? 0.5 : 1e-9);
+    const PoseBlock x(pose);
+    PoseBlock y;
+    ASSERT_TRUE(LeftPoseManifold().Plus(x.values, delta.data(), y.values));
+    EXPECT_TRUE(y.ToPose().isApprox(PerturbLeft(delta, pose), 1e-12));
+    Vector6d back;
+    ASSERT_TRUE(LeftPoseManifold().Minus(y.values, x.values, back.data()));
+    EXPECT_LT((back - delta).norm(), 1e-9);
+  }
+}
+
+TEST(LeftPoseManifold, JacobiansAreDerivatives) {
+  RandomStream random(6, 0, "manifold");
+  const LeftPoseManifold manifold;
+  for (int trial = 0; trial < 10; ++trial) {
+    const PoseBlock x(RandomPose(random));
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    Eigen::Matrix<double, 6, 7, Eigen::RowMajor> minus;
+    manifold.PlusJacobian(x.values, plus.data());
+    manifold.MinusJacobian(x.values, minus.data());
+    EXPECT_TRUE((minus * plus).isIdentity(1e-12));
+    constexpr double kStep = 1e-6;
+    for (int column = 0; column < 6; ++column) {
+      Vector6d delta = Vector6d::Zero();
+      delta[column] = kStep;
+      PoseBlock high, low;
+      manifold.Plus(x.values, delta.data(), high.values);
+      delta[column] = -kStep;
+      manifold.Plus(x.values, delta.data(), low.values);
+      for (int row = 0; row < 7; ++row) {
+        EXPECT_NEAR((high.values[row] - low.values[row]) / (2 * kStep), plus(row, column), 1e-6);
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::pose_block_test
+
+namespace volalign::refine_internal::build_model_test {
+namespace {
+
+TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
+  const Structure structure = testing_infer::PaperStructure();
+  const BuildModel model(structure);
+  std::vector<double> boxes(3 * structure.boxes().size(), 0);
+  EXPECT_EQ(boxes.size(), 3 * structure.boxes().size());
+  const double size = 0.02;
+  boxes[static_cast<std::size_t>(BuildModel::X(1))] = 0.003;
+  boxes[static_cast<std::size_t>(BuildModel::Z(1))] = -0.004;
+  boxes[static_cast<std::size_t>(BuildModel::Yaw(1))] = M_PI / 2;
+  const Structure built = model.Built({&size, boxes.data()});
+  EXPECT_NEAR(built.FloorHeight(), structure.FloorHeight(), 1e-9);
+  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
+    const Box &before = structure.boxes()[b], &after = built.boxes()[b];
+    EXPECT_TRUE(after.size.isApprox(1.02 * before.size, 1e-12));
+    Eigen::Vector3d expected = before.structure_from_box.translation();
+    expected.y() += 0.02 * (expected.y() - structure.FloorHeight());
+    if (b == 1) expected += Eigen::Vector3d(0.003, 0, -0.004);
+    EXPECT_TRUE(after.structure_from_box.translation().isApprox(expected, 1e-9)) << b;
+    // A quarter turn about the vertical takes +x to -z.
+    const Eigen::Vector3d x = after.structure_from_box.linear().col(0),
+                          was = before.structure_from_box.linear().col(0);
+    const Eigen::Vector3d turned = b == 1 ? Eigen::Vector3d(was.z(), was.y(), -was.x()) : was;
+    EXPECT_TRUE(x.isApprox(turned, 1e-9)) << b;
+  }
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::build_model_test
+
+namespace volalign::options_test {
+namespace {
+
+TEST(ParseEstimate, NamesItsWords) {
+  EXPECT_TRUE(ParseEstimate("auto").boxes);
+  EXPECT_TRUE(ParseEstimate("auto").depth_offset);
+  EXPECT_FALSE(ParseEstimate("none").size);
+  const EstimateSet two = ParseEstimate("size, depth_gain");
+  EXPECT_TRUE(two.size && two.depth_gain);
+  EXPECT_FALSE(two.boxes || two.depth_offset);
+  for (const char* bad : {"", "boxes,,size", "box", "auto,size", "size,"})
+    ExpectError<ConfigError>([&] { ParseEstimate(bad); }, {"refine.estimate", "depth_offset"});
+}
+
+}  // namespace
+}  // namespace volalign::options_test
+
+namespace volalign::refine_internal::solution_test {
+namespace {
+
+using testing_infer::Neighbours;
+
+TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
+  const Neighbours made;
+  const RefineOptions options;
+  const JointProblem problem(made.rig.structure, made.frames, options);
+  Solution solution{
+      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+  solution.observed = GatherObservations(problem, solution.state, solution.free, {});
+  EXPECT_TRUE(IsUsable(problem, solution, 0));
+  EXPECT_TRUE(Solve(problem, &solution));
+  solution.observed[0].face_root(0, 0) = std::nan("");
+  EXPECT_FALSE(IsUsable(problem, solution, 0));
+  EXPECT_TRUE(IsUsable(problem, solution, 1));
+  EXPECT_FALSE(Solve(problem, &solution));
+}
+
+// Depths of two sensors: light that bounces adds 4 mm times its share to those of one and nothing
+// to those of the other, and a side that both see bulges by 3 mm.
+TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
+  const Neighbours made;
+  const Structure& structure = made.rig.structure;
+  RefineOptions options;
+  options.max_overlap_points = 0;
+  const JointProblem problem(structure, made.frames, options);
+  Solution solution{
+      AskedFor({}, problem.priors, 2, 4), NominalState(structure, made.poses), {}, {0, 0}};
+  constexpr double kBounce = 0.004, kBulge = 0.003;
+  std::map<int, int> seen;
+  for (const Pose& pose : made.poses) {
+    for (const FaceObservation& face : testing_infer::Observe(structure, pose, 8).faces)
+      ++seen[face.label];
+  }
+  const int bulging = std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
+                        return a.second < b.second;
+                      })->first;
+  for (std::size_t i = 0; i < 2; ++i) {
+    FrameObservations observed = testing_infer::Observe(structure, made.poses[i], 8);
+    const DepthErrorModel errors = ErrorsOf("");
+    for (FaceObservation& face : observed.faces) {
+      const Side& side = structure.SideOfLabel(face.label);
+      const Eigen::Vector3d normal = made.poses[i].linear().transpose() * side.normal;
+      face.multipath = 0;
+      face.by_errors = FrameErrorsAt(errors, face.p, normal);
+      face.by_errors[kBounced] = BouncedShare(structure, side, made.poses[i] * face.p,
+                                              made.poses[i].translation(), errors.bounce_reach_m);
+      const double share = face.by_errors[kBounced];
+      if (face.label == bulging) face.p += kBulge * face.bulge / normal.dot(face.p) * face.p;
+      if (i == 0) face.p *= 1 + kBounce * share / face.p.z();
+    }
+    observed.noise.depth.smooth_m = 0.0005;
+    SetCovariance(problem.model, made.poses[i], &observed);
+    solution.observed.push_back(std::move(observed));
+  }
+  ASSERT_TRUE(Solve(problem, &solution));
+  EXPECT_NEAR(solution.state.errors[0][kBounced], -kBounce, 0.1 * kBounce);
+  EXPECT_NEAR(solution.state.errors[1][kBounced], 0, 0.1 * kBounce);
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    EXPECT_NEAR(solution.state.bulges[0][static_cast<std::size_t>(BuildModel::Bulge(label))],
+                label == bulging ? kBulge : 0, 0.2 * kBulge)
+        << label;
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT(ComparePoses(solution.state.poses[i].ToPose(), made.poses[i]).translation_m, 1.5e-3);
+    EXPECT_LT(ComparePoses(solution.state.poses[i].ToPose(), made.poses[i]).rotation_deg, 0.05);
+  }
+}
+
+TEST(HoldFrame, LeavesNoErrors) {
+  const Neighbours made;
+  const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
+  Solution solution{
+      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+  for (std::size_t i = 0; i < 2; ++i) {
+    solution.state.errors[i].fill(0.001);
+    solution.state.nuisances[i].fill(0.001);
+  }
+  HoldFrame(problem, 0, &solution);
+  EXPECT_EQ(solution.state.errors[0], (std::array<double, kFrameErrors>{}));
+  EXPECT_EQ(solution.state.nuisances[0], (std::array<double, kNuisances>{}));
+  EXPECT_EQ(solution.state.errors[1][kBounced], 0.001) << "another frame";
+}
+
+TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
+  Neighbours made;
+  const auto gather = [&] {
+    const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
+    return GatherObservations(problem, NominalState(made.rig.structure, made.poses),
+                              AskedFor({}, problem.priors, 2, 4), {});
+  };
+  const std::vector<FrameObservations> fitted = gather();
+  for (const std::size_t i : {0, 1}) made.frames[i].noise = fitted[i].noise;
+  const std::vector<FrameObservations> same = gather();
+  for (const std::size_t i : {0, 1}) {
+    EXPECT_GT(same[i].face_root.rows(), 0);
+    EXPECT_TRUE(same[i].face_root.isApprox(fitted[i].face_root, 1e-12)) << "by the same errors";
+    made.frames[i].noise->depth.smooth_m *= 2;
+  }
+  const std::vector<FrameObservations> kept = gather();
+  for (const std::size_t i : {0, 1})
+    EXPECT_EQ(kept[i].noise.depth.smooth_m, 2 * fitted[i].noise.depth.smooth_m) << "not fitted";
+}
+
+TEST(AssociateAndSolve, GoesOnWithoutASensorWhoseNumbersFail) {
+  Neighbours made;
+  made.frames[0].noise = UsualNoise("");
+  made.frames[0].noise->depth.smooth_m = std::nan("");
+  const RefineOptions options;
+  const JointProblem problem(made.rig.structure, made.frames, options);
+  const Solution solution =
+      AssociateAndSolve(problem, {AskedFor({}, problem.priors, 2, 4),
+                                  NominalState(made.rig.structure, made.poses),
+                                  {},
+                                  {0, 0}});
+  EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
+  EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its start";
+  EXPECT_TRUE(solution.observed[0].faces.empty());
+  EXPECT_LT(ComparePoses(solution.state.poses[1].ToPose(), made.poses[1]).translation_m, 3e-3);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::solution_test

@@ -2,11 +2,20 @@
 
 #include <ceres/cost_function.h>
 #include <gtest/gtest.h>
+#include <Eigen/Cholesky>
 
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <vector>
 
+#include "core/base/random.h"
+#include "infer/refine/costs.h"
+#include "infer/refine/noise.h"
+#include "infer/refine/pose_manifold.h"
 #include "infer/refine/posterior.h"
+#include "infer/refine/residuals.h"
 #include "infer/refine/solution.h"
 #include "tests/infer/refine/points_and_observations.h"
 #include "tests/infer/refine/two_sensors.h"
@@ -219,3 +228,624 @@ TEST(BuildCeresProblem, HoldsWhatIsNotFree) {
 
 }  // namespace
 }  // namespace volalign::refine_internal::terms_test
+
+namespace volalign::refine_internal::costs_test {
+namespace {
+
+Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
+  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
+}
+
+Pose RandomPose(RandomStream& random) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp(RandomVector(random, 1.5));
+  pose.translation() = RandomVector(random, 2);
+  return pose;
+}
+
+/// Jacobians by central differences, over PerturbLeft in a pose's tangent space and over other
+/// parameters as they stand, against the cost's own (times PlusJacobian). Parameters: the poses,
+/// then blocks of the other parameters.
+void ExpectDerivatives(const ceres::CostFunction& cost, const std::vector<Pose>& poses,
+                       const std::vector<std::vector<double>>& others, int rows) {
+  using Others = std::vector<std::vector<double>>;
+  const auto evaluate = [&](const std::vector<Pose>& at, const Others& other, double** jacobians) {
+    std::vector<PoseBlock> blocks;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      blocks.emplace_back(at[i]);
+      // Of the two quaternions of a rotation, the one that the unmoved pose has.
+      const PoseBlock reference(poses[i]);
+      Eigen::Map<Eigen::Vector4d> q(blocks.back().values);
+      if (q.dot(Eigen::Map<const Eigen::Vector4d>(reference.values)) < 0) q = -q;
+    }
+    std::vector<const double*> parameters;
+    parameters.reserve(blocks.size() + other.size());
+    for (const PoseBlock& block : blocks) parameters.push_back(block.values);
+    for (const std::vector<double>& block : other) parameters.push_back(block.data());
+    Eigen::VectorXd residuals(rows);
+    EXPECT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), jacobians));
+    return residuals;
+  };
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<RowMajor> storage;
+  for (std::size_t i = 0; i < poses.size(); ++i) storage.emplace_back(rows, 7);
+  for (const std::vector<double>& block : others)
+    storage.emplace_back(rows, static_cast<Eigen::Index>(block.size()));
+  std::vector<double*> jacobians;
+  jacobians.reserve(storage.size());
+  for (RowMajor& s : storage) jacobians.push_back(s.data());
+  evaluate(poses, others, jacobians.data());
+
+  constexpr double kStep = 1e-6;
+  const auto expect_equal = [&](const Eigen::VectorXd& high, const Eigen::VectorXd& low,
+                                const Eigen::VectorXd& analytic, const char* what, int column) {
+    for (int row = 0; row < rows; ++row) {
+      const double numeric = (high[row] - low[row]) / (2 * kStep);
+      EXPECT_FALSE(!(std::abs(numeric - analytic[row]) <= 1e-5 * (1 + std::abs(numeric))))
+          << what << " row " << row << " column " << column << ": " << numeric << " against "
+          << analytic[row];
+    }
+  };
+  for (std::size_t b = 0; b < poses.size(); ++b) {
+    Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+    LeftPoseManifold().PlusJacobian(PoseBlock(poses[b]).values, plus.data());
+    const Eigen::MatrixXd analytic = storage[b] * plus;
+    for (int column = 0; column < 6; ++column) {
+      const Vector6d delta = kStep * Vector6d::Unit(column);
+      std::vector<Pose> high = poses, low = poses;
+      high[b] = PerturbLeft(delta, poses[b]);
+      low[b] = PerturbLeft(-delta, poses[b]);
+      expect_equal(evaluate(high, others, nullptr), evaluate(low, others, nullptr),
+                   analytic.col(column), "pose", column);
+    }
+  }
+  for (std::size_t b = 0; b < others.size(); ++b) {
+    for (std::size_t k = 0; k < others[b].size(); ++k) {
+      Others high = others, low = others;
+      high[b][k] += kStep;
+      low[b][k] -= kStep;
+      expect_equal(evaluate(poses, high, nullptr), evaluate(poses, low, nullptr),
+                   storage[poses.size() + b].col(static_cast<Eigen::Index>(k)), "other",
+                   static_cast<int>(b));
+    }
+  }
+}
+
+/// A point in front of a sensor.
+Eigen::Vector3d RandomPoint(RandomStream& random) {
+  return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
+}
+
+/// PointToPlane as a cost.
+class PointToPlaneCost : public ceres::SizedCostFunction<1, 7, 7> {
+ public:
+  PointToPlaneCost(Eigen::Vector3d p, Eigen::Vector3d q, Eigen::Vector3d n)
+      : p_(std::move(p)), q_(std::move(q)), n_(std::move(n)) {}
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    *residuals = PointToPlane(p_, q_, n_, 2.5, parameters, jacobians);
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d p_, q_, n_;
+};
+
+TEST(RefineCosts, PointToPlaneIsTheDistanceInTheOtherSensorAndItsDerivative) {
+  RandomStream random(3, 0, "overlap_cost");
+  for (int trial = 0; trial < 20; ++trial) {
+    const Pose a = RandomPose(random), b = RandomPose(random);
+    const Eigen::Vector3d p = RandomPoint(random), q = RandomPoint(random);
+    const Eigen::Vector3d n = RandomVector(random, 1).normalized();
+    const PointToPlaneCost cost(p, q, n);
+    const PoseBlock block_a(a), block_b(b);
+    const double* parameters[] = {block_a.values, block_b.values};
+    double residual = 0;
+    ASSERT_TRUE(cost.Evaluate(parameters, &residual, nullptr));
+    EXPECT_NEAR(residual, 2.5 * n.dot(b.inverse() * (a * p) - q), 1e-9);
+    ExpectDerivatives(cost, {a, b}, {}, 1);
+  }
+}
+
+TEST(RefineCosts, PosePriorDerivative) {
+  RandomStream random(4, 0, "prior");
+  for (int trial = 0; trial < 20; ++trial) {
+    const Pose prior = RandomPose(random);
+    Vector6d delta;
+    for (int i = 0; i < 6; ++i) delta[i] = random.Normal(0, 0.2);
+    ExpectDerivatives(PosePriorCost(prior, 0.5, 0.3), {PerturbLeft(delta, prior)}, {}, 6);
+    const PoseBlock block(prior);
+    const double* parameters[] = {block.values};
+    Vector6d residual;
+    PosePriorCost(prior, 0.5, 0.3).Evaluate(parameters, residual.data(), nullptr);
+    EXPECT_LT(residual.norm(), 1e-12);
+  }
+}
+
+TEST(RefineCosts, ARobustResidualIsTheRootOfCauchysLossAndItsDerivative) {
+  const auto root = [](double r) { return MakeRobust(r, 0.3); };
+  for (const double r : {-30.0, -2.0, -0.1, 0.0, 1e-9, 0.5, 7.0}) {
+    EXPECT_NEAR(root(r).value * root(r).value, 0.3 * 4 * std::log1p(r * r / 4), 1e-12);
+    EXPECT_EQ(std::signbit(root(r).value), std::signbit(r));
+    constexpr double kStep = 1e-5;
+    EXPECT_NEAR(root(r).slope, (root(r + kStep).value - root(r - kStep).value) / (2 * kStep), 1e-8);
+  }
+}
+
+/// Where a point is when its sensor's lens has changed and its depth is off: the pixel's ray, at
+/// the true depth.
+Eigen::Vector3d TruePoint(const LensPoint& point, double offset, double gain_error,
+                          const LensChange& lens) {
+  const Eigen::Vector2d ray = point.p.head<2>() / point.p.z() + point.by_lens * (lens - point.lens);
+  return (point.p.z() * (1 + gain_error) + offset) * ray.homogeneous();
+}
+
+TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
+  RandomStream random(6, 0, "lens_overlap");
+  for (int trial = 0; trial < 20; ++trial) {
+    const bool shared = trial % 2 == 0;
+    const auto point = [&] {
+      LensPoint of{RandomPoint(random), RayByLensMatrix::Zero(), RandomVector(random, 0.01),
+                   FrameErrorVector::Zero()};
+      for (double& error : of.by_errors) error = random.Normal();
+      for (double& entry : of.by_lens.reshaped()) entry = random.Normal();
+      return of;
+    };
+    const LensPoint a = point(), b = point();
+    const Eigen::Vector3d normal = RandomVector(random, 1).normalized();
+    const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
+    // Offsets, gains, own focal lengths, errors of the frames, lenses.
+    const FrameErrorVector of_a(0.002, -0.004, 0.001, 0.002, 0.003),
+        of_b(-0.001, 0.003, 0.002, -0.004, -0.002);
+    std::vector<std::vector<double>> others = {{0.004},  {-0.003}, {0.006},
+                                               {-0.002}, {0.003},  {-0.005}};
+    for (const FrameErrorVector* of : {&of_a, &of_b})
+      others.emplace_back(of->data(), of->data() + kFrameErrors);
+    const Eigen::Vector3d lens_a = RandomVector(random, 0.01);
+    const Eigen::Vector3d lens_b = shared ? lens_a : RandomVector(random, 0.01);
+    others.emplace_back(lens_a.data(), lens_a.data() + 3);
+    if (!shared) others.emplace_back(lens_b.data(), lens_b.data() + 3);
+    const LensPoint other = point();
+    const MeasuredOverlapCost cost({{a, b, normal, 1.7}, {other, b, normal, 1.7}}, 0.3, shared);
+
+    const PoseBlock block_a(poses[0]), block_b(poses[1]);
+    std::vector<const double*> parameters = {block_a.values, block_b.values};
+    for (const std::vector<double>& block : others) parameters.push_back(block.data());
+    std::array<double, 2> residuals{};
+    ASSERT_TRUE(cost.Evaluate(parameters.data(), residuals.data(), nullptr));
+    const Eigen::Vector3d q = poses[1] * TruePoint(b, -0.003 + b.by_errors.dot(of_b), -0.002,
+                                                   lens_b - 0.005 * LensChange::UnitX());
+    const auto expected = [&](const LensPoint& of) {
+      const Eigen::Vector3d p = poses[0] * TruePoint(of, 0.004 + of.by_errors.dot(of_a), 0.006,
+                                                     lens_a + 0.003 * LensChange::UnitX());
+      // The mean of the gains is 1.002.
+      return MakeRobust(1.7 * (poses[1].linear() * normal).dot(p - q) / 1.002, 0.3).value;
+    };
+    EXPECT_NEAR(residuals[0], expected(a), 1e-12);
+    EXPECT_NEAR(residuals[1], expected(other), 1e-12);
+    ExpectDerivatives(cost, poses, others, 2);
+  }
+}
+
+TEST(RefineCosts, LensEvidenceIsItsQuadraticForm) {
+  LensEvidence evidence;
+  Eigen::Matrix3d root;
+  root << 0, 0, 0, 0, 30, 5, 0, 0, 12;  // nothing about the focal length
+  evidence.information = root.transpose() * root;
+  const LensChange mean(0, -0.3, 0.1);
+  evidence.moment = evidence.information * mean;
+  const LensEvidenceCost cost(evidence);
+  for (const LensChange& at :
+       {LensChange(0, 0, 0), LensChange(0.02, -0.3, 0.1), LensChange(-0.01, 0.2, 0.3)}) {
+    Eigen::Vector3d residuals;
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor> jacobian;
+    const double* block = at.data();
+    double* jacobians = jacobian.data();
+    ASSERT_TRUE(cost.Evaluate(&block, residuals.data(), &jacobians));
+    EXPECT_NEAR(residuals.squaredNorm(), (root * (at - mean)).squaredNorm(), 1e-9);
+    EXPECT_LT((jacobian.transpose() * residuals - evidence.information * (at - mean)).norm(), 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::costs_test
+
+namespace volalign::refine_internal::residuals_test {
+namespace {
+
+using testing_infer::KinectWithLens;
+using testing_infer::Observe;
+using testing_infer::PaperStructure;
+using testing_infer::ParameterPoint;
+using testing_infer::RingPose;
+
+/// Faces and edges, seen through another lens than the one assumed.
+FrameObservations ObserveAll(const Structure& structure, const Pose& pose) {
+  FrameObservations observed = Observe(structure, pose, 40);
+  for (std::size_t i = 0; i < 8; ++i) {
+    EdgeObservation edge;
+    edge.p = observed.faces[i].p + Eigen::Vector3d(0.01, -0.02, 0.03);
+    edge.label = observed.faces[i].label;
+    edge.edge = static_cast<int>(i % 4);
+    edge.axis = static_cast<int>(i % 2);
+    edge.pixel = 0.008;
+    edge.by_lens = RayByLens(KinectWithLens(), edge.p.head<2>() / edge.p.z());
+    observed.edges.push_back(edge);
+  }
+  for (FaceObservation& face : observed.faces)
+    face.by_lens = RayByLens(KinectWithLens(), face.p.head<2>() / face.p.z());
+  observed.lens = LensChange(0.001, -0.002, 0.003);
+  return observed;
+}
+
+/// All that a pose shows, and every parameter but the pose drawn about its nominal value.
+struct DrawnPoint {
+  DrawnPoint(std::uint64_t seed, const char* name) {
+    RandomStream random(seed, 0, name);
+    for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
+  }
+
+  Structure structure = PaperStructure();
+  BuildModel model{structure};
+  FrameObservations observed = ObserveAll(structure, RingPose(35));
+  ParameterPoint at{model, RingPose(35)};
+};
+
+TEST(Residuals, DoNotShrinkWithTheWorld) {
+  // Where the stack, its distance and all depths are smaller by one factor, nothing that a sensor
+  // measures is different, and so no residual: only priors tell how large the world is.
+  const DrawnPoint drawn(3, "scale");
+  const Structure& structure = drawn.structure;
+  const BuildModel& model = drawn.model;
+  const FrameObservations& observed = drawn.observed;
+  const ParameterPoint& at = drawn.at;
+  ASSERT_GT(observed.faces.size(), 8u);
+  constexpr double kFactor = 0.97;
+  ParameterPoint smaller = at;
+  smaller.x.segment<3>(4) *= kFactor;
+  smaller.x[5] += (1 - kFactor) * model.floor();  // it shrinks about a point of the floor
+  for (const Eigen::Index gain : {FrameColumns::kGain, FrameColumns::kSize})
+    smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
+  for (const Eigen::Index length : {FrameColumns::kOffset, FrameColumns::kNuisance + kMultipath})
+    smaller.x[length] *= kFactor;
+  smaller.x.segment<kFrameErrors>(FrameColumns::kErrors) *= kFactor;
+  smaller.x.tail(model.size().sides) *= kFactor;
+  for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
+    const Eigen::Vector3d centre =
+        structure.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
+    double& x = smaller.x[FrameColumns::kBoxes + BuildModel::X(b)];
+    double& z = smaller.x[FrameColumns::kBoxes + BuildModel::Z(b)];
+    x = (centre.x() + x) * kFactor - centre.x();
+    z = (centre.z() + z) * kFactor - centre.z();
+  }
+  Eigen::VectorXd residuals, of_smaller;
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  Residuals(model, observed, smaller.Parameters(), &of_smaller, nullptr);
+  ASSERT_GT(residuals.norm(), 0.01);
+  EXPECT_LT((of_smaller - residuals).norm(), 1e-9 * residuals.norm());
+}
+
+TEST(Residuals, AreNoneOfASideThatBulges) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  FrameObservations observed = testing_infer::Observe(structure, pose, 12);
+  ParameterPoint at(model, pose);
+  for (int label = 1; label < structure.num_classes(); ++label)
+    at.x.tail(model.size().sides)[BuildModel::Bulge(label)] = 1e-3 * label;
+  for (FaceObservation& face : observed.faces) {
+    const Side& side = structure.SideOfLabel(face.label);
+    face.p +=
+        1e-3 * face.label * side.BulgeAt(pose * face.p) * pose.linear().transpose() * side.normal;
+  }
+  Eigen::VectorXd residuals;
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 1e-5);
+}
+
+TEST(Residuals, DerivativesAreThoseOfDifferences) {
+  const DrawnPoint drawn(1, "refine model");
+  const BuildModel& model = drawn.model;
+  const FrameObservations& observed = drawn.observed;
+  const ParameterPoint& at = drawn.at;
+  ASSERT_GT(observed.faces.size(), 8u);
+  Eigen::VectorXd residuals;
+  Eigen::MatrixXd jacobian;
+  Residuals(model, observed, at.Parameters(), &residuals, &jacobian);
+  ASSERT_EQ(jacobian.cols(), at.x.size());
+  constexpr double kStep = 1e-6;
+  for (Eigen::Index c = 0; c < at.x.size(); ++c) {
+    Eigen::VectorXd high, low;
+    ParameterPoint moved = at;
+    moved.x[c] += kStep;
+    Residuals(model, observed, moved.Parameters(), &high, nullptr);
+    moved.x[c] -= 2 * kStep;
+    Residuals(model, observed, moved.Parameters(), &low, nullptr);
+    const Eigen::VectorXd numeric = (high - low) / (2 * kStep);
+    // Quaternions are normalised: their radial direction counts in differences, not in tangents.
+    if (c < 4) continue;
+    for (Eigen::Index r = 0; r < numeric.size(); ++r)
+      EXPECT_NEAR(jacobian(r, c), numeric[r], 1e-5 * (1 + std::abs(numeric[r]))) << r << " " << c;
+  }
+  // Rotation, in the tangent space.
+  Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
+  LeftPoseManifold().PlusJacobian(at.x.data(), plus.data());
+  const Eigen::MatrixXd tangent = jacobian.leftCols<7>() * plus;
+  for (int c = 0; c < 6; ++c) {
+    const auto evaluate = [&](double step) {
+      Vector6d delta = Vector6d::Zero();
+      delta[c] = step;
+      ParameterPoint moved = at;
+      LeftPoseManifold().Plus(at.x.data(), delta.data(), moved.x.data());
+      Eigen::VectorXd r;
+      Residuals(model, observed, moved.Parameters(), &r, nullptr);
+      return r;
+    };
+    const Eigen::VectorXd numeric = (evaluate(kStep) - evaluate(-kStep)) / (2 * kStep);
+    for (Eigen::Index r = 0; r < numeric.size(); ++r)
+      EXPECT_NEAR(tangent(r, c), numeric[r], 1e-5 * (1 + std::abs(numeric[r]))) << r << " " << c;
+  }
+}
+
+TEST(Residuals, VanishOnTheStructureAsBuilt) {
+  // Rendered from displaced, turned and enlarged boxes: zero at these parameters, by ray casting.
+  const Structure nominal = PaperStructure();
+  const BuildModel model(nominal);
+  const Pose pose = RingPose(70);
+  ParameterPoint at(model, pose);
+  double* boxes = at.x.data() + FrameColumns::kBoxes;
+  at.x[FrameColumns::kSize] = 0.012;
+  RandomStream random(2, 0, "built");
+  for (int b = 0; b < static_cast<int>(nominal.boxes().size()); ++b) {
+    boxes[BuildModel::X(b)] = random.Normal(0, 0.004);
+    boxes[BuildModel::Z(b)] = random.Normal(0, 0.004);
+    boxes[BuildModel::Yaw(b)] = random.Normal(0, 0.01);
+  }
+  const Structure built = model.Built(at.Parameters().build);
+  EXPECT_NEAR(built.FloorHeight(), nominal.FloorHeight(), 1e-9) << "it stands on the same floor";
+  FrameObservations observed = Observe(built, pose, 20);
+  for (FaceObservation& face : observed.faces) face.multipath = 0;
+  Eigen::VectorXd residuals;
+  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  ASSERT_GT(residuals.size(), 40);
+  EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 2e-6);
+}
+
+TEST(SensorCost, IsWhitenedByTheCovariance) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(20);
+  FrameObservations observed = Observe(structure, pose, 50);
+  EdgeObservation edge;
+  edge.p = observed.faces.front().p;
+  edge.label = observed.faces.front().label;
+  edge.pixel = 0.008;
+  edge.variance = 0.1;
+  observed.edges = {edge, edge};
+  observed.edges[1].edge = 2;
+  SetCovariance(model, pose, &observed);
+  ParameterPoint at(model, pose);
+  at.x[7] = 0.005;
+  const SensorCost cost(model, observed);
+  const FrameParameters p = at.Parameters();
+  const std::array<const double*, 10> blocks = {p.pose,        p.offset,      p.gain, p.focal,
+                                                p.nuisance,    p.errors,      p.lens, p.build.size,
+                                                p.build.boxes, p.build.bulges};
+  Eigen::VectorXd whitened(cost.num_residuals()), residuals;
+  EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
+  Residuals(model, observed, p, &residuals, nullptr);
+  const auto faces = static_cast<Eigen::Index>(observed.faces.size());
+  const Eigen::MatrixXd face = observed.face_root * observed.face_root.transpose(),
+                        lines = observed.edge_root * observed.edge_root.transpose();
+  const double squares = residuals.head(faces).dot(face.inverse() * residuals.head(faces)) +
+                         residuals.tail(2).dot(lines.inverse() * residuals.tail(2));
+  EXPECT_NEAR(whitened.squaredNorm(), squares, 1e-6 * squares);
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::residuals_test
+
+namespace volalign::refine_internal::noise_test {
+namespace {
+
+using testing_infer::Observe;
+using testing_infer::PaperStructure;
+using testing_infer::ParameterPoint;
+using testing_infer::RingPose;
+
+/// Correlation of two bearings, rad apart, of a Matern field of smoothness 3/2 (Rasmussen and
+/// Williams, "Gaussian Processes for Machine Learning", equation 4.17).
+double Matern(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double length) {
+  const double d = (a / a.z() - b / b.z()).norm();
+  return (1 + std::sqrt(3.0) * d / length) * std::exp(-std::sqrt(3.0) * d / length);
+}
+
+TEST(FitNoise, FindsTheSizeOfWarps) {
+  // Depths that are off by a Gaussian field over the image, of known size at 2 m and growing with
+  // the depth, pose and constants unknown.
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  FrameObservations clean = Observe(structure, pose, 14);
+  for (FaceObservation& face : clean.faces) face.multipath = 0;
+  const auto n = static_cast<Eigen::Index>(clean.faces.size());
+  ASSERT_GT(n, 60);
+  Priors priors;
+  priors.offset = 0.007;
+  priors.gain = 0.003;
+  priors.edge_shift = 0.7;
+  constexpr double kLength = 0.1;
+  Eigen::MatrixXd correlation(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j)
+      correlation(i, j) = Matern(clean.faces[static_cast<std::size_t>(i)].p,
+                                 clean.faces[static_cast<std::size_t>(j)].p, kLength);
+  }
+  const Eigen::MatrixXd root = correlation.ldlt().transpositionsP().transpose() *
+                               (Eigen::MatrixXd(correlation.ldlt().matrixL()) *
+                                correlation.ldlt().vectorD().cwiseMax(0).cwiseSqrt().asDiagonal());
+  ASSERT_TRUE((root * root.transpose()).isApprox(correlation, 1e-9));
+  for (const double sigma : {0.002, 0.008}) {
+    double size = 0, length = 0;
+    constexpr int kDraws = 12;
+    for (int draw = 0; draw < kDraws; ++draw) {
+      RandomStream random(3, static_cast<std::uint64_t>(draw), "warp");
+      Eigen::VectorXd white(n);
+      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
+      const Eigen::VectorXd field = root * white;
+      FrameObservations seen = clean;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
+        face.p *= 1 + sigma / 2 * field[i];
+      }
+      const ParameterPoint at(model, pose);
+      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      size += std::log(seen.noise.depth.smooth_m / sigma) / kDraws;
+      length += std::log(seen.noise.depth.smooth_rad / kLength) / kDraws;
+      EXPECT_EQ(seen.face_root.rows(), n) << "the factor is that of the fitted covariance";
+    }
+    EXPECT_LT(std::abs(size), std::log(1.3)) << sigma << ": off by " << std::exp(size);
+    // Only three lengths are looked at.
+    EXPECT_LT(std::abs(length), std::log(1.6)) << kLength << ": off by " << std::exp(length);
+  }
+}
+
+TEST(FitNoise, KeepsWhatIsUsualWhereFacesAreTooFew) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect_nfov_binned", ""}) {
+    FrameObservations seen = Observe(structure, pose, 14);
+    seen.faces.resize(12);
+    seen.noise = UsualNoise(kind);
+    const ParameterPoint at(model, pose);
+    FitNoise(model, UsualNoise(kind).depth, at.Parameters(), testing_infer::SomePriors(), &seen);
+    EXPECT_EQ(seen.noise.depth.smooth_m, ErrorsOf("").smooth_m) << kind;
+    EXPECT_EQ(seen.noise.depth.seam_m, ErrorsOf(kind).seam_m) << kind;
+  }
+}
+
+/// Points along the borders of the sides that the sensor faces, as they are.
+FrameObservations BordersOf(const Structure& structure, const Pose& pose) {
+  FrameObservations seen;
+  const Pose sensor_from_structure = pose.inverse();
+  for (int label = 1; label < structure.num_classes(); ++label) {
+    const Side& side = structure.SideOfLabel(label);
+    if (side.normal.dot(side.centre - pose.translation()) > -0.5) continue;
+    for (int edge = 0; edge < 4; ++edge) {
+      const Eigen::Vector3d across =
+                                (edge < 2 ? side.half_u * side.axis_u : side.half_v * side.axis_v),
+                            along =
+                                (edge < 2 ? side.half_v * side.axis_v : side.half_u * side.axis_u);
+      for (const double t : {-0.6, 0.0, 0.6}) {
+        EdgeObservation point;
+        point.p =
+            sensor_from_structure * (side.centre + (edge % 2 == 0 ? across : -across) + t * along);
+        point.label = label;
+        point.edge = edge;
+        point.pixel = point.p.z() / 252.2;
+        point.variance = 0.1;
+        seen.edges.push_back(point);
+      }
+    }
+  }
+  return seen;
+}
+
+TEST(FitNoise, FindsTheScaleOfEdges) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(35);
+  FrameObservations clean = BordersOf(structure, pose);
+  clean.noise.edge = 1;
+  SetCovariance(model, pose, &clean);
+  const auto n = static_cast<Eigen::Index>(clean.edges.size());
+  ASSERT_GT(n, 60);
+  ASSERT_LE(n, 110);  // of more, some would be taken
+  Priors priors;
+  priors.edge_shift = 0.7;
+  for (const double scale : {0.5, 2.0, 4.0}) {
+    double fitted = 0;
+    constexpr int kDraws = 8;
+    for (int draw = 0; draw < kDraws; ++draw) {
+      RandomStream random(4, static_cast<std::uint64_t>(draw), "edges");
+      Eigen::VectorXd white(n);
+      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
+      const Eigen::VectorXd moved = scale * (clean.edge_root * white);
+      FrameObservations seen = clean;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];
+        const Side& side = structure.SideOfLabel(edge.label);
+        const Eigen::Vector3d outwards =
+            (edge.edge < 2 ? side.axis_u : side.axis_v) * (edge.edge % 2 == 0 ? 1 : -1);
+        edge.p += pose.linear().transpose() * outwards * moved[i];
+      }
+      const ParameterPoint at(model, pose);
+      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      fitted += std::log(seen.noise.edge / scale) / kDraws;
+    }
+    EXPECT_LT(std::abs(fitted), std::log(1.25)) << scale << ": off by " << std::exp(fitted);
+  }
+}
+
+TEST(SetCovariance, IsThatOfItsParts) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  const Pose pose = RingPose(20);
+  FrameObservations observed = Observe(structure, pose, 40);
+  EdgeObservation edge;
+  edge.p = observed.faces.front().p;
+  edge.label = observed.faces.front().label;
+  edge.pixel = 0.008;
+  edge.variance = 0.1;
+  observed.edges = {edge, edge, edge};
+  observed.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
+  observed.edges[2].edge = 2;  // another line: nothing in common
+  observed.noise.depth.smooth_m = 0.004;
+  observed.noise.depth.smooth_rad = 0.1;
+  observed.noise.edge = 1.5;
+  observed.noise.line = 0.003;
+  observed.faces[3].aside_rad = 0.0027;
+  SetCovariance(model, pose, &observed);
+  const Eigen::MatrixXd faces = observed.face_root * observed.face_root.transpose();
+  for (std::size_t i = 0; i < observed.faces.size(); ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      // A depth error of 4 mm at 2 m moves a point by its cosine; but at grazing incidence by a
+      // fifth.
+      const auto moved = [&](const FaceObservation& face) {
+        const Eigen::Vector3d ray = pose.linear() * face.p / face.p.z();
+        const double along = structure.SideOfLabel(face.label).normal.dot(ray);
+        return 0.004 * face.p.z() / 2 * std::sqrt(along * along + 0.2 * 0.2);
+      };
+      const FaceObservation &a = observed.faces[i], &b = observed.faces[j];
+      double expected = moved(a) * moved(b) * Matern(a.p, b.p, 0.1);
+      if (i == j) {
+        const Eigen::Vector3d normal =
+            pose.linear().transpose() * structure.SideOfLabel(a.label).normal;
+        const double sine = normal.cross(a.p.normalized()).norm();
+        const double aside = std::hypot(0.0003, i == 3 ? 0.0027 : 0);
+        expected += a.variance + std::pow(sine * aside * a.p.z(), 2) + 1e-6 / 12;
+      }
+      EXPECT_NEAR(faces(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)), expected,
+                  1e-11);
+    }
+  }
+  const Eigen::MatrixXd edges = observed.edge_root * observed.edge_root.transpose();
+  const double line = 0.004 * 0.004 + 0.003 * 0.003, smooth = std::pow(0.6 * 0.008, 2);
+  const double apart = Matern(observed.edges[0].p, observed.edges[1].p, 0.15);
+  EXPECT_NEAR(edges(0, 0), 2.25 * (smooth + line + 0.1 * 0.008 * 0.008), 1e-12);
+  EXPECT_NEAR(edges(0, 1), 2.25 * (smooth * apart + line), 1e-12);
+  EXPECT_NEAR(edges(0, 2), 0, 1e-15);
+}
+
+TEST(SetCovariance, SaysWhereThereIsNone) {
+  const Structure structure = PaperStructure();
+  const BuildModel model(structure);
+  FrameObservations observed = Observe(structure, RingPose(20), 40);
+  observed.faces[1].variance = -1;
+  SetCovariance(model, RingPose(20), &observed);
+  EXPECT_FALSE(observed.face_root.allFinite());
+}
+
+}  // namespace
+}  // namespace volalign::refine_internal::noise_test

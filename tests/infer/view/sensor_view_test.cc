@@ -1,6 +1,7 @@
 #include "infer/view/sensor_view.h"
 
 #include <gtest/gtest.h>
+#include <opencv2/calib3d.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -8,6 +9,10 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/geometry/lens.h"
+#include "core/geometry/sensor_kind.h"
+#include "infer/view/frames.h"
+#include "infer/view/prior_errors.h"
 #include "infer/view/segmentation.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/lens.h"
@@ -201,3 +206,114 @@ TEST(StrideForRays, LeavesAtLeastSoMany) {
 
 }  // namespace
 }  // namespace volalign::sensor_view_test
+
+namespace volalign::frames_test {
+namespace {
+
+Still StillOf(const std::string& name, const std::vector<std::string>& sensors) {
+  Still still;
+  still.name = name;
+  for (const std::string& sensor : sensors) {
+    still.frames.emplace_back();
+    still.frames.back().name = sensor;
+  }
+  return still;
+}
+
+TEST(CaptureSet, FramesOfOneNameAreOfOneSensor) {
+  const CaptureSet capture(
+      {StillOf("a", {"left", "right"}), StillOf("b", {"right", "top", "left"})}, Structure());
+  EXPECT_EQ(capture.sensors, (std::vector<std::string>{"left", "right", "top"}));
+  EXPECT_EQ(capture.sensor_of.OfStill(0), (std::vector<std::size_t>{0, 1}));
+  EXPECT_EQ(capture.sensor_of.OfStill(1), (std::vector<std::size_t>{1, 2, 0}));
+  const FrameId top{1, 1};
+  EXPECT_EQ(capture[top].name, "top");
+  EXPECT_EQ(capture.sensor_of[top], 2u);
+}
+
+TEST(PerFrame, GoesStillByStill) {
+  const PerFrame<int> values({{10, 11}, {}, {20, 21, 22}});
+  const std::vector<FrameId> ids = values.Ids();
+  EXPECT_EQ(ids, (std::vector<FrameId>{{0, 0}, {0, 1}, {2, 0}, {2, 1}, {2, 2}}));
+  for (const int threads : {1, 3}) {
+    const auto doubled = MapFrames(values, threads, [&](FrameId id) { return 2 * values[id]; });
+    EXPECT_EQ(doubled.stills(), 3u);
+    for (const FrameId id : ids) EXPECT_EQ(doubled[id], 2 * values[id]);
+  }
+  EXPECT_LT(ids[1], ids[2]);
+  EXPECT_FALSE(ids[2] < ids[1]);
+}
+
+}  // namespace
+}  // namespace volalign::frames_test
+
+namespace volalign {
+namespace {
+
+TEST(PriorErrorsOf, HasTheKindsErrorsButForTheSmoothOne) {
+  for (const char* kind : {"realsense_d415", "azure_kinect_nfov_binned", "lidar"}) {
+    const DepthErrorModel prior = PriorErrorsOf(kind);
+    EXPECT_EQ(prior.Smooth(3), ErrorsOf("lidar").Smooth(3)) << kind;
+    EXPECT_EQ(prior.White(3), ErrorsOf(kind).White(3)) << kind;
+    EXPECT_EQ(prior.gain, ErrorsOf(kind).gain) << kind;
+  }
+  EXPECT_LT(PriorErrorsOf("realsense_d415").Smooth(2), ErrorsOf("realsense_d415").Smooth(2));
+}
+
+}  // namespace
+}  // namespace volalign
+
+// Rays of a camera with a lens against those of OpenCV, whose model captures state.
+namespace volalign::opencv_rays_test {
+namespace {
+
+class OpencvRays : public testing::TestWithParam<std::vector<double>> {
+ protected:
+  OpencvRays()
+      : intrinsics_{320, 288, 252.4, 251.9, 163.2, 165.7, GetParam()},
+        matrix_(252.4, 0, 163.2, 0, 251.9, 165.7, 0, 0, 1) {}
+
+  Intrinsics intrinsics_;
+  cv::Matx33d matrix_;
+};
+
+TEST_P(OpencvRays, ProjectAsProjectPoints) {
+  std::vector<cv::Point3d> points;
+  for (double y = -0.6; y <= 0.6; y += 0.1) {
+    for (double x = -0.6; x <= 0.6; x += 0.1) points.emplace_back(x, y, 1);
+  }
+  std::vector<cv::Point2d> pixels;
+  cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), matrix_, GetParam(), pixels);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector2d p = ProjectRay(intrinsics_, {points[i].x, points[i].y});
+    EXPECT_NEAR(p.x(), pixels[i].x, 1e-9);
+    EXPECT_NEAR(p.y(), pixels[i].y, 1e-9);
+  }
+}
+
+TEST_P(OpencvRays, RaysAsUndistortPoints) {
+  std::vector<cv::Point2d> pixels, rays;
+  for (int v = 0; v < intrinsics_.height; ++v) {
+    for (int u = 0; u < intrinsics_.width; ++u) pixels.emplace_back(u, v);
+  }
+  // The iteration is slow towards the corners of a strong lens.
+  const cv::TermCriteria until(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 2000, 1e-12);
+  cv::undistortPoints(pixels, rays, matrix_, GetParam(), cv::noArray(), cv::noArray(), until);
+  const RayTable table = ComputeRays(intrinsics_);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    ASSERT_FALSE(
+        !(std::hypot(table.rays[i].x() - rays[i].x, table.rays[i].y() - rays[i].y) <= 2e-7))
+        << pixels[i];
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Lenses, OpencvRays,
+                         testing::Values(std::vector<double>{-0.11, 0.03, 0.0007, -0.0004},
+                                         std::vector<double>{0.09, -0.27, 0.001, -0.002, 0.10},
+                                         std::vector<double>{0.92185, 0.50040, 0, 0, 0.02836,
+                                                             1.25842, 0.75181, 0.14419},
+                                         std::vector<double>{4.72474, 3.20922, 1e-4, -1e-4, 0.17060,
+                                                             5.05586, 4.77578, 0.88649}));
+
+}  // namespace
+}  // namespace volalign::opencv_rays_test
