@@ -191,25 +191,18 @@ class ConfigReader {
       const auto* leaf = Find(key, false);
       if (leaf) value = ParseScalar<T>(leaf->values.at(0), key, leaf->where);
       CheckScalar(value, checks, key, leaf ? leaf->where : "default");
-    } else if constexpr (IsArray<T>::value) {
-      const auto* leaf = Find(key, true);
-      if (leaf) {
-        RequireSize(*leaf, value.size(), key);
-        for (std::size_t i = 0; i < value.size(); ++i) {
-          value[i] = ParseScalar<typename T::value_type>(leaf->values[i], key, leaf->where);
-        }
-      }
-      for (const auto& x : value) CheckScalar(x, checks, key, leaf ? leaf->where : "default");
-    } else if constexpr (IsVector<T>::value) {
+    } else if constexpr (IsArray<T>::value || IsVector<T>::value) {
       using Item = typename T::value_type;
       if constexpr (IsScalar<Item>::value) {
         const auto* leaf = Find(key, true);
         if (leaf) {
-          value.clear();
-          for (const auto& text : leaf->values)
-            value.push_back(ParseScalar<Item>(text, key, leaf->where));
+          if constexpr (IsVector<T>::value) value.resize(leaf->values.size());
+          RequireSize(*leaf, value.size(), key);
+          for (std::size_t i = 0; i < value.size(); ++i)
+            value[i] = ParseScalar<Item>(leaf->values[i], key, leaf->where);
         }
-        for (const Item x : value) CheckScalar(x, checks, key, leaf ? leaf->where : "default");
+        for (const auto& x : value)
+          CheckScalar<Item>(x, checks, key, leaf ? leaf->where : "default");
       } else {
         if (IsEmptyList(key)) value.clear();
         const int n = CountItems(key);
