@@ -26,9 +26,9 @@ void AddErrors(py::module_& module) {
   py::register_exception_translator([](std::exception_ptr thrown) {
     try {
       std::rethrow_exception(std::move(thrown));
-    } catch (const std::system_error& error) {
+    } catch (const std::system_error& failed) {
       PyErr_SetString(py::module_::import("volalign").attr("Error").ptr(),
-                      SentenceOf(error).c_str());
+                      SentenceOf(failed).c_str());
     }
   });
   module.def(
