@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <optional>
 #include <utility>
 
 #include "core/base/odds.h"
@@ -39,12 +41,13 @@ struct Meaning {
   const char* hint;
 };
 
+constexpr char kCheckDepth[] =
+    "check the depth_scale of this sensor, its intrinsics, and whether its depth file is that of "
+    "another sensor; let it warm up";
+
 Meaning MeaningOf(Kind kind) {
   static constexpr char kMeasureBox[] =
       "measure where this box stands and how long its edges are, and correct the structure file";
-  static constexpr char kCheckDepth[] =
-      "check the depth_scale of this sensor, its intrinsics, and whether its depth file is that of "
-      "another sensor; let it warm up";
   switch (kind) {
     case Kind::kSize:
       break;
@@ -179,6 +182,41 @@ std::vector<RigFinding> FindCoveredSides(
   return findings;
 }
 
+namespace {
+
+/// Of a sensor each of whose pairs is apart, as against all pairs without it.
+std::optional<RigFinding> FindApart(const RefineResult& refined, int sensor,
+                                    const std::string& name) {
+  double least = std::numeric_limits<double>::infinity(), most = 0, number = 0, sum = 0,
+         squares = 0, own = 0;
+  for (const RefinedPair& pair : refined.pairs) {
+    const double ratio = pair.rms / pair.predicted_rms;
+    if (!std::isfinite(ratio)) continue;
+    if (pair.a == sensor || pair.b == sensor) {
+      least = std::min(least, ratio);
+      most = std::max(most, ratio);
+      ++own;
+    } else {
+      sum += ratio;
+      squares += ratio * ratio;
+      ++number;
+    }
+  }
+  if (own < 2 || number < own) return std::nullopt;
+  const double mean = sum / number;
+  const double deviation = std::sqrt(std::max(0.0, squares / number - mean * mean));
+  if (!(least > std::max(1.0, mean + kClearly * deviation))) return std::nullopt;
+  return RigFinding{
+      RigCode::kPairApart,
+      {name},
+      fmt::format("where {} and others see the same surface, their points are {:.1f} to {:.1f} "
+                  "times as far apart as predicted, and those of others {:.1f} times in the mean",
+                  name, least, most, mean),
+      kCheckDepth};
+}
+
+}  // namespace
+
 std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
                                        const std::vector<std::string>& sensors) {
   std::vector<RigFinding> findings;
@@ -194,6 +232,10 @@ std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
                      a, b, 1000 * pair.rms, 1000 * pair.predicted_rms),
          "check that the depth file of each is its own, then the intrinsics of both, then what "
          "moved between their frames"});
+  }
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    if (std::optional<RigFinding> apart = FindApart(refined, static_cast<int>(i), sensors[i]))
+      findings.push_back(std::move(*apart));
   }
   return findings;
 }

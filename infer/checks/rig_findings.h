@@ -44,7 +44,8 @@ std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
 std::vector<RigFinding> FindCoveredSides(
     const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure);
 
-/// Of each two sensors whose points are farther apart than their errors let expect.
+/// Of each two sensors whose points are farther apart than their errors let expect; and of each
+/// sensor whose points are farther apart from all others' than those are from each other.
 std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
                                        const std::vector<std::string>& sensors);
 

@@ -96,9 +96,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                     facts.seen_through->name, 100 * facts.seen_through->share,
                     FormatOdds(facts.seen_through->log_odds)),
         "compare the pictures in report.html with where the sensors stand, and choose another pose "
-        "with --twin SENSOR=2; let both see more of the stack and the floor under it, and give "
-        "frames "
-        "whose holes nothing has filled"};
+        "with --twin SENSOR=2; let both see more of the stack and the floor under it"};
   }
   if (facts.contradiction) {
     return Finding{
@@ -110,7 +108,8 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
             fmt::join(facts.contradiction->names, ", "),
             1000 * facts.contradiction->apart.translation_m,
             facts.contradiction->apart.rotation_deg),
-        "check its intrinsics, and that it saw the same stack, with no box moved in between"};
+        "check that its frame is not mirrored or turned by 180 deg, and that its depth file is not "
+        "another sensor's; then its intrinsics, and that no box moved in between"};
   }
   if (!facts.unsettled.empty()) {
     return Finding{SensorCode::kUnsettled,

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "tests/infer/view/synthetic.h"
@@ -114,6 +115,29 @@ TEST(RigFindings, PairsFarBeyondTheirPrediction) {
   EXPECT_NE(findings[0].reason.find("14.4 mm RMS apart, and 3.6 mm are predicted"),
             std::string::npos)
       << findings[0].reason;
+}
+
+// A depth scale that is 2 % wrong: no pair alone says it.
+TEST(RigFindings, ASensorWhosePairsAreAllApart) {
+  RefineResult refined;
+  for (const auto& [a, b, ratio] :
+       {std::tuple(0, 1, 1.7), std::tuple(0, 2, 2.1), std::tuple(0, 3, 1.6), std::tuple(1, 2, 0.7),
+        std::tuple(1, 3, 0.8), std::tuple(2, 3, 0.6)})
+    refined.pairs.push_back({a, b, 0.3, 0.005 * ratio, 0.005});
+  const std::vector<std::string> names{"S0", "S1", "S2", "S3"};
+  const std::vector<RigFinding> findings = FindPairsApart(refined, names);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].about, std::vector<std::string>{"S0"});
+  EXPECT_EQ(findings[0].reason,
+            "where S0 and others see the same surface, their points are 1.6 to 2.1 times as far "
+            "apart as predicted, and those of others 0.7 times in the mean");
+  // Three sensors: the one pair without the first may be good by chance.
+  RefineResult three;
+  three.pairs = {refined.pairs[0], refined.pairs[1], refined.pairs[3]};
+  EXPECT_TRUE(FindPairsApart(three, {"S0", "S1", "S2"}).empty());
+  // Pairs without it that are apart, too.
+  refined.pairs.back().rms = 0.01;
+  EXPECT_TRUE(FindPairsApart(refined, names).empty());
 }
 
 }  // namespace

@@ -79,6 +79,14 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
   }
 }
 
+TEST(FindWeakness, OneThatDisagreesIsAskedForItsFrameFirst) {
+  VerdictFacts facts = AtTheLimits();
+  facts.contradiction = ContradictedSensors{{"S2"}, {0.02, 1}};
+  const std::string hint = FindWeakness(facts, VerdictOptions())->hint;
+  EXPECT_LT(hint.find("mirrored or turned by 180 deg"), hint.find("another sensor's"));
+  EXPECT_LT(hint.find("another sensor's"), hint.find("intrinsics"));
+}
+
 // A turn about the structure's vertical moves a sensor that stands 2.3 m away.
 TEST(FindWeakness, WhatCountsIsThePositionOfTheSensorItself) {
   VerdictFacts facts = AtTheLimits();
