@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <cstdint>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -48,12 +48,13 @@ AssemblyReport InspectViews(const std::vector<SensorView>& views, const Structur
   return InspectAssembly(asked, described, 2);
 }
 
-std::vector<SensorView> ViewsOf(const Structure& built, double look_at_y, int views = 3) {
+std::vector<SensorView> ViewsOf(const Structure& built, double look_at_y,
+                                const std::vector<double>& azimuths_deg = {20, 140, 260}) {
   Rig rig{built, {}, {}};
-  for (int i = 0; i < views; ++i) {
+  for (std::size_t i = 0; i < azimuths_deg.size(); ++i) {
     rig.Add("S" + std::to_string(i),
-            RingPose(20 + 120 * i, 2.1, look_at_y + 0.6, 90, {0, look_at_y, 0}), {true, 3.5});
-    testing_infer::AddNoise(&rig.frames.back().depth, 0.003, static_cast<std::uint64_t>(i));
+            RingPose(azimuths_deg[i], 2.1, look_at_y + 0.6, 90, {0, look_at_y, 0}), {true, 3.5});
+    testing_infer::AddNoise(&rig.frames.back().depth, 0.003, i);
   }
   std::vector<SensorView> seen;
   for (const SensorFrame& frame : rig.frames)
@@ -115,7 +116,7 @@ TEST(InspectAssembly, NamesWhatIsDescribedWronglyOfOwnBoxes) {
   using Middles = std::vector<Eigen::Vector2d>;
   const Sizes sizes{{500, 300, 380}, {300, 340, 420}, {480, 260, 330}};
   const Middles middles{{0, 0}, {-60, 40}, {50, -30}};
-  const std::vector<SensorView> views = ViewsOf(OwnBoxes(sizes, middles), 0.4, 2);
+  const std::vector<SensorView> views = ViewsOf(OwnBoxes(sizes, middles), 0.4, {20, 140});
   const auto sentence = [&](const Sizes& of, const Middles& at) {
     return InspectViews(views, OwnBoxes(of, at)).arrangement.sentence;
   };
@@ -153,6 +154,19 @@ TEST(InspectAssembly, AFrameIsMirroredBesideOneThatShowsTheStackAsDescribed) {
   const AssemblyReport report = InspectViews(views, described);
   EXPECT_EQ(report.mirrored_frames, std::vector<std::size_t>{0}) << report.arrangement.sentence;
   EXPECT_FALSE(report.altered());
+}
+
+// A box beside the others, that the last view does not show.
+TEST(InspectAssembly, AMirroredStackIsOneSlipAndThreeMirroredFramesAreThree) {
+  const auto stack = [](double side) {
+    return Structure::FromBoxes(
+        "own", {Box::FromMinMax("tall", {-0.3, 0, -0.3}, {0.05, 0.6, 0.3}),
+                Box::FromMinMax("low", {0.05, 0, side - 0.15}, {0.35, 0.35, side + 0.15})});
+  };
+  const std::vector<SensorView> views = ViewsOf(stack(-0.1), 0.4, {-50, 0, 50, 180});
+  const AssemblyReport report = InspectViews(views, stack(0.1));
+  EXPECT_EQ(report.arrangement.code, SensorCode::kAssemblyMirrored) << report.arrangement.sentence;
+  EXPECT_TRUE(report.mirrored_frames.empty());
 }
 
 }  // namespace
