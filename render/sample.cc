@@ -31,11 +31,8 @@ void Validate(const SampleConfig& config) {
   RequireOrdered(config.pose.rho_cm, "data.pose.rho_cm");
   RequireOrdered(config.pose.height_cm, "data.pose.height_cm");
   RequireOrdered(config.scene.wall_distance_m, "data.scene.wall_distance_m");
-  RequireOrdered(config.scene.ceiling_height_m, "data.scene.ceiling_height_m");
   RequireOrdered(config.scene.clutter_count, "data.scene.clutter_count");
-  RequireOrdered(config.scene.clutter_size_m, "data.scene.clutter_size_m");
   RequireOrdered(config.scene.tripod_count, "data.scene.tripod_count");
-  RequireOrdered(config.scene.tripod_distance_m, "data.scene.tripod_distance_m");
   if (config.pose.phi_deg.empty() && config.pose.phi_jitter_deg > 0) {
     throw ConfigError(fmt::format(
         "data.pose.phi_jitter_deg = {} needs data.pose.phi_deg, the azimuths to deviate from, e.g. "

@@ -45,15 +45,14 @@ struct PoseConfig {
 
 /// A scene that is drawn anew for each sample: whether the structure and the room are there at all.
 struct SampleSceneConfig : SceneConfig {
-  double structure_probability = 1.0;
+  double structure_probability = 1.0;  ///< no key
   double room_probability = 1.0;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure_probability", structure_probability,
-       "share of samples with the structure; the others are all background", Between(0, 1));
-    ar("room_probability", room_probability, "share of samples with floor and walls",
-       Between(0, 1));
+    ar("room_probability", room_probability, "share of samples with floor and walls", Between(0, 1),
+       Removed("structure_probability", "every sample has the structure; leave the key out",
+               std::vector<std::string>{"1"}));
     SceneConfig::Describe(ar);
   }
 };
@@ -62,7 +61,7 @@ struct SampleSceneConfig : SceneConfig {
 struct NoiseConfig {
   std::string model = "sensor";
   double paper_border_px = 2;
-  double paper_hole_count = 6;
+  double paper_hole_count = 6;  ///< mean number in a sample, at most 90; no key
   double paper_hole_radius_px = 6;
 
   template <class Archive>
@@ -74,8 +73,9 @@ struct NoiseConfig {
        "one that the program registers (render/noise.h)",
        OneOf(NoiseModelNames()));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
-       AtLeast(0));
-    ar("paper_hole_count", paper_hole_count, "mean number of holes in a sample", Between(0, 90));
+       AtLeast(0),
+       Removed("paper_hole_count", "a sample has six holes in the mean; leave the key out",
+               std::vector<std::string>{"6"}));
     ar("paper_hole_radius_px", paper_hole_radius_px, "mean radius of a hole, px", AtLeast(0));
   }
 };

@@ -23,12 +23,12 @@ class SampleStream {
     std::uint64_t seed = 0;
     std::uint64_t first_index = 0;
     int num_threads = 1;
-    int prefetch = 4;
     RendererFactory make_renderer = nullptr;  ///< called by each worker thread; must be given
     BatchSlice slice = {};
     /// Counted up when a sample is begun, where there is one.
     std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
     std::function<void(const Sample&)> drawn = nullptr;  ///< called by the worker, for each sample
+    int prefetch = 4;
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 

@@ -23,8 +23,8 @@ class DatasetSource : public SampleSource {
     std::uint64_t first_sample = 0;
     int batch_size = 16;
     int num_threads = 1;
-    int prefetch = 4;  ///< batches read ahead
     BatchSlice slice = {};
+    int prefetch = 4;  ///< batches read ahead
   };
   /// Throws ConfigError when the dataset has several image sizes and `batch_size` does not divide
   /// its own, or when it holds no whole batch; Error for bad options.

@@ -22,7 +22,7 @@ StructureNet MakeNet(const StructureNetOptions& options, const Compute& compute)
 }
 
 StructureNet DrawNet(const TrainConfig& config, int num_classes, const Compute& compute) {
-  at::manual_seed(static_cast<std::uint64_t>(config.run.WeightSeed()));
+  at::manual_seed(static_cast<std::uint64_t>(config.run.seed));
   return MakeNet(config.model.Options(num_classes), compute);
 }
 

@@ -16,7 +16,7 @@ namespace volalign {
 /// its weights.
 class Learner {
  public:
-  /// A new network for the structure's classes, drawn with config.run.WeightSeed().
+  /// A new network for the structure's classes, drawn with config.run.seed.
   Learner(const TrainConfig& config, int num_classes, const Compute& compute);
   Learner(const Learner&) = delete;
   Learner& operator=(const Learner&) = delete;

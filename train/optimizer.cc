@@ -20,16 +20,11 @@ constexpr std::int64_t kPiece = 32768;
 /// Values of which a step that may be taken back keeps copies at a time.
 constexpr std::int64_t kUnseenPiece = 1 << 22;
 
-std::vector<std::string> MomentNames(OptimizerKind kind) {
-  if (kind == OptimizerKind::kSgd) return {"momentum"};
-  return {"mean", "square"};
-}
-
 }  // namespace
 
 Optimizer::Optimizer(const OptimConfig& config, FlatModule* module)
     : config_(config), module_(module) {
-  for (const std::string& name : MomentNames(config.optimizer)) {
+  for (const char* name : {"mean", "square"}) {
     moments_.emplace_back(name, at::zeros_like(module->parameters()));
   }
 }
@@ -70,20 +65,14 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
   if (clip.defined()) g.mul_(clip);
   const bool decoupled = config_.optimizer == OptimizerKind::kAdamW;
   if (decay && !decoupled) g.add_(p, config_.weight_decay);
-  if (config_.optimizer == OptimizerKind::kSgd) {
-    at::Tensor& momentum = moments[0];
-    momentum.mul_(config_.momentum).add_(g);
-    p.add_(config_.nesterov ? g.add_(momentum, config_.momentum) : momentum, -lr);
-  } else {
-    at::Tensor &mean = moments[0], &square = moments[1];
-    mean.lerp_(g, 1 - config_.beta1);
-    square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
-    const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
-    const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
-    if (decay && decoupled) p.mul_(1 - lr * config_.weight_decay);
-    const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
-    p.addcdiv_(mean, denominator, -lr / correction1);
-  }
+  at::Tensor &mean = moments[0], &square = moments[1];
+  mean.lerp_(g, 1 - config_.beta1);
+  square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
+  const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
+  const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
+  if (decay && decoupled) p.mul_(1 - lr * config_.weight_decay);
+  const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
+  p.addcdiv_(mean, denominator, -lr / correction1);
   g.zero_();
   if (!finite.defined()) return;
   p.copy_(at::where(finite, p, before[0]));

@@ -12,8 +12,7 @@
 
 namespace volalign {
 
-/// Adam (Kingma and Ba 2015), AdamW (Loshchilov and Hutter 2019) or stochastic gradient descent
-/// with momentum (as PyTorch's SGD) on a FlatModule.
+/// Adam (Kingma and Ba 2015) or AdamW (Loshchilov and Hutter 2019) on a FlatModule.
 class Optimizer {
  public:
   Optimizer(const OptimConfig& config, FlatModule* module);
@@ -27,8 +26,8 @@ class Optimizer {
 
   std::int64_t steps() const { return steps_; }
   void set_steps(std::int64_t steps) { steps_ = steps; }
-  /// What it remembers of earlier steps, [N] each: "mean" and "square" of the gradient, or
-  /// "momentum". To be saved and restored together with the number of steps.
+  /// What it remembers of earlier steps, [N] each: "mean" and "square" of the gradient. To be saved
+  /// and restored together with the number of steps.
   const std::vector<std::pair<std::string, at::Tensor>>& moments() const { return moments_; }
 
  private:

@@ -18,8 +18,8 @@ class RenderedSource : public SampleSource {
   RenderedSource(std::shared_ptr<const SampleContext> context, const RunConfig& run,
                  RendererFactory renderers, std::uint64_t seed, std::uint64_t first_index,
                  const BatchSlice& slice = {})
-      : stream_(std::move(context), {seed, first_index, run.loader_threads, run.prefetch,
-                                     std::move(renderers), slice}) {}
+      : stream_(std::move(context),
+                {seed, first_index, run.loader_threads, std::move(renderers), slice}) {}
   std::vector<Sample> Next() override { return stream_.Next(); }
 
  private:

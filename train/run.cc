@@ -22,6 +22,8 @@
 namespace volalign {
 namespace {
 
+constexpr int kStatesKept = 2;
+
 double Seconds(std::chrono::steady_clock::time_point since) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
@@ -83,7 +85,7 @@ bool Run::Begin() {
   if (!ValidateIfOwed()) return false;
   if (owed) saved_ = -1;
   ended_ = Clock::now();
-  return progress_.samples < stop_ && !LostPatience();
+  return progress_.samples < stop_;
 }
 
 bool Run::Ready() {
@@ -100,11 +102,10 @@ bool Run::Advance(const FedBatch& fed) {
   };
   if (due(run.log_every)) WriteTrainRow();
   if (!ValidateIfOwed()) return false;
-  if (LostPatience() && progress_.means.sum.steps > 0) WriteTrainRow();
   // After the rows of these samples, so that a run that goes on from here has them all.
-  if (due(run.checkpoint_every) || LostPatience()) Save();
+  if (due(run.checkpoint_every)) Save();
   ended_ = Clock::now();
-  return progress_.samples < stop_ && !LostPatience();
+  return progress_.samples < stop_;
 }
 
 std::string Run::OutOfMemory() const {
@@ -120,18 +121,15 @@ TrainResult Run::End() {
   Collect();
   TrainResult& result = result_;
   result.samples = progress_.samples;
-  result.early = LostPatience();
   result.signal = signal_;
-  result.finished = (progress_.samples >= config_.run.samples || result.early) && signal_ == 0;
+  result.finished = progress_.samples >= config_.run.samples && signal_ == 0;
   if (saved_ != progress_.samples) {
     Save();
   } else if (modelled_ != progress_.samples && folder_ != nullptr) {
     SaveModel(folder_->model(), config_, data_, learner_, progress_);
   }
   Say(fmt::format("{} after {} samples: {}",
-                  result.early      ? "no better validation for run.patience: ended"
-                  : result.finished ? "finished"
-                                    : "stopped (continue with --resume)",
+                  result.finished ? "finished" : "stopped (continue with --resume)",
                   progress_.samples, result.checkpoint.string()));
   return result;
 }
@@ -163,11 +161,7 @@ void Run::Lead(std::optional<SavedState> state, const TrainOptions& options) {
     sinks_.push_back(
         &board_.emplace(folder_->tensorboard(), WriteConfig(config_), progress_.samples));
   }
-  if (!options.quiet) sinks_.push_back(&bar_.emplace(config_.run.samples, options.name));
-}
-
-bool Run::LostPatience() const {
-  return config_.run.patience > 0 && progress_.best.since >= config_.run.patience;
+  if (!options.quiet) sinks_.push_back(&bar_.emplace(config_.run.samples));
 }
 
 /// f(), after which, should another process be lost, the state before it is saved.
@@ -358,7 +352,7 @@ void Run::SaveAlone() {
   Collect();
   SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, learner_,
             progress_);
-  folder_->KeepStates(config_.run.keep_states);
+  folder_->KeepStates(kStatesKept);
   SaveModel(folder_->model(), config_, data_, learner_, progress_);
 }
 

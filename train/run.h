@@ -50,7 +50,6 @@ class Run {
  private:
   using Clock = std::chrono::steady_clock;
   void Lead(std::optional<SavedState> state, const TrainOptions& options);
-  bool LostPatience() const;
   bool Interrupted();
   bool OwesValidation() const;
   bool ValidateIfOwed();

@@ -20,10 +20,8 @@ const std::set<std::string>& FreeKeys() {
                                              "data.structure",       "data.intrinsics",
                                              "run.samples",          "run.validation_samples",
                                              "run.validate_every",   "run.checkpoint_every",
-                                             "run.keep_states",      "run.patience",
                                              "run.tensorboard",      "run.log_every",
-                                             "run.half_checkpoint",  "run.threads",
-                                             "run.loader_threads",   "run.prefetch",
+                                             "run.threads",          "run.loader_threads",
                                              "run.device",           "run.lost_after_s",
                                              "run.dataset",          "run.validation_dataset"};
   return keys;

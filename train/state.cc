@@ -17,7 +17,6 @@ template <class Archive>
 void Describe(Archive& ar, BestValidation& best) {
   ar("samples", best.samples);
   ar("value", best.value);
-  ar("since", best.since);
 }
 
 template <class Archive>
@@ -193,7 +192,7 @@ void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
   meta.roll_offsets_deg = config.data.pose.roll_offsets_deg;
   meta.samples = progress.init_samples + progress.samples;
   meta.config_yaml = WriteConfig(config);
-  SaveCheckpoint(path, learner.average.net(), meta, config.run.half_checkpoint);
+  SaveCheckpoint(path, learner.average.net(), meta, /*half=*/true);
 }
 
 }  // namespace volalign

@@ -58,22 +58,6 @@ void RequireDifferentNames(const std::vector<SweepRun>& runs) {
   }
 }
 
-/// In order of the first of each group.
-std::vector<std::vector<SweepRun>> GroupBySamples(const std::vector<SweepRun>& runs) {
-  std::vector<std::vector<SweepRun>> groups;
-  for (const SweepRun& run : runs) {
-    const auto group = std::find_if(groups.begin(), groups.end(), [&](const auto& g) {
-      return ShareSamples(g[0].config, run.config);
-    });
-    if (group == groups.end()) {
-      groups.push_back({run});
-    } else {
-      group->push_back(run);
-    }
-  }
-  return groups;
-}
-
 /// All runs would have the one value, under names that say others.
 void RequireNotListed(const Sweep& sweep, const std::string& key) {
   for (const SweepKey& of : sweep.keys) {
@@ -142,34 +126,25 @@ std::vector<SweepRun> ExpandSweep(const Sweep& sweep, const std::vector<std::str
 SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet) {
   const InterruptGuard guard;
   SweepResult result;
-  for (const std::vector<SweepRun>& together : GroupBySamples(runs)) {
+  for (const SweepRun& run : runs) {
     result.signal = guard.Signal();
     if (result.signal != 0) return result;
-    std::vector<TrainJob> jobs;
-    for (const SweepRun& run : together) {
-      if (!quiet)
-        fmt::print(stderr, "{}{}\n", jobs.empty() ? "" : "side by side with it: ", run.name);
-      TrainJob job{run.config, {}};
-      job.options.run_dir = fs::path(dir) / run.name;
-      job.options.resume = fs::exists(job.options.run_dir / "config.yaml");
-      if (job.options.resume) UseKeptInputs(job.options.run_dir, &job.config.data);
-      job.options.quiet = quiet;
-      if (together.size() > 1) job.options.name = run.name;
-      jobs.push_back(std::move(job));
-    }
-    SetTorchThreads(together[0].config.run.threads);
-    const std::vector<JobResult> results = TrainSideBySide(jobs);
-    bool all = true;
-    for (std::size_t i = 0; i < results.size(); ++i) {
-      if (results[i].failure.empty()) {
-        result.signal = std::max(result.signal, results[i].result.signal);
-        all = all && results[i].result.finished;
-        continue;
-      }
-      result.failures.push_back(fmt::format("{}: {}", together[i].name, results[i].failure));
+    if (!quiet) fmt::print(stderr, "{}\n", run.name);
+    TrainConfig config = run.config;
+    TrainOptions options;
+    options.run_dir = fs::path(dir) / run.name;
+    options.resume = fs::exists(options.run_dir / "config.yaml");
+    options.quiet = quiet;
+    if (options.resume) UseKeptInputs(options.run_dir, &config.data);
+    SetTorchThreads(config.run.threads);
+    try {
+      const TrainResult trained = Train(config, options);
+      result.signal = trained.signal;
+      if (!trained.finished) return result;
+    } catch (const Error& e) {
+      result.failures.push_back(fmt::format("{}: {}", run.name, e.what()));
       if (!quiet) fmt::print(stderr, "error: {}\n", result.failures.back());
     }
-    if (!all) return result;
   }
   result.finished = true;
   return result;

@@ -44,10 +44,9 @@ struct SweepResult {
   std::vector<std::string> failures;  ///< "NAME: message" of runs that ended with an error
 };
 
-/// Trains the runs in folders of `dir`: those that ShareSamples side by side, the others one after
-/// the other. A run that was begun is resumed, one that has finished is left as it is. A run that
-/// fails is noted, and the others go on. SIGINT and SIGTERM stop the runs that they come to, and no
-/// other begins.
+/// Trains the runs one after the other in folders of `dir`. A run that was begun is resumed, one
+/// that has finished is left as it is. A run that fails is noted, and the others go on. SIGINT and
+/// SIGTERM stop the run that they come to, and no other begins.
 SweepResult TrainSweep(const std::vector<SweepRun>& runs, const std::string& dir, bool quiet);
 
 }  // namespace volalign

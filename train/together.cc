@@ -19,10 +19,9 @@ using nlohmann::json;
 
 /// Keys in which the processes of a run may differ.
 const std::set<std::string>& KeysOfTheMachine() {
-  static const std::set<std::string> keys = {"run.device",         "run.threads",
-                                             "run.loader_threads", "run.prefetch",
-                                             "run.dataset",        "run.validation_dataset",
-                                             "data.renderer"};
+  static const std::set<std::string> keys = {
+      "run.device",   "run.threads", "run.loader_threads", "run.dataset", "run.validation_dataset",
+      "data.renderer"};
   return keys;
 }
 

@@ -28,24 +28,6 @@ KeypointKind ParseKeypointKind(const std::string& word) {
   throw ConfigError(fmt::format("loss.keypoints = '{}' is unknown: use centre or exposed", word));
 }
 
-bool OptimConfig::DependsOnLength() const {
-  return schedule == Schedule::kOneCycle || (schedule == Schedule::kCosine && period_samples == 0);
-}
-
-void OptimConfig::Validate() const {
-  if (schedule == Schedule::kStep && period_samples == 0) {
-    throw ConfigError("optim.schedule = step needs optim.period_samples > 0");
-  }
-  if (period_samples > 0 && (schedule == Schedule::kConstant || schedule == Schedule::kOneCycle)) {
-    throw ConfigError(fmt::format("optim.period_samples = {} needs optim.schedule = cosine or step",
-                                  period_samples));
-  }
-  if (min_lr >= lr) {
-    throw ConfigError(
-        fmt::format("optim.min_lr = {} violates optim.min_lr < optim.lr = {}", min_lr, lr));
-  }
-}
-
 void TrainConfig::Validate() const {
   if (run.seed == run.validation_seed) {
     throw ConfigError(
@@ -54,7 +36,6 @@ void TrainConfig::Validate() const {
                     "training samples",
                     run.validation_seed));
   }
-  optim.Validate();
   if (loss.terms.size() != loss.term_weights.size()) {
     throw ConfigError(fmt::format(
         "loss.term_weights has {} numbers and loss.terms {} names: give one weight for each",
@@ -65,14 +46,6 @@ void TrainConfig::Validate() const {
         fmt::format("run.micro_batch = {} violates run.micro_batch <= run.batch_size = {}",
                     run.micro_batch, run.batch_size));
   }
-  if (run.patience > 0 && !Validates()) {
-    throw ConfigError(fmt::format("run.patience = {} needs validations: set run.validation_samples",
-                                  run.patience));
-  }
-}
-
-bool TrainConfig::Validates() const {
-  return run.validation_samples > 0 || !data.real.validation.empty();
 }
 
 TrainConfig ReadTrainConfig(const ConfigSource& source) {

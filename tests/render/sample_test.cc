@@ -243,10 +243,6 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
   config.pose.rho_cm = {200, 100};
   EXPECT_EQ(message(config).rfind("data.pose.rho_cm = [200, 100]", 0), 0U) << message(config);
   config = SampleConfig();
-  config.noise.paper_hole_count = 91;  // more would need another way to draw their number
-  EXPECT_NE(message(config).find("paper_hole_count in [0, 90]"), std::string::npos)
-      << message(config);
-  config = SampleConfig();
   config.pose.phi_jitter_deg = 10;
   EXPECT_NE(message(config).find("phi_deg"), std::string::npos) << message(config);
   config = SampleConfig();

@@ -22,8 +22,6 @@ TrainConfig SmallConfig(std::int64_t seed = 1) {
   TrainConfig config;
   config.model.base_channels = 1;
   config.model.residual_blocks = 1;
-  config.optim.optimizer = OptimizerKind::kSgd;
-  config.optim.momentum = 0;
   config.optim.ema_decay = 0.9;
   config.run.seed = seed;
   return config;

@@ -63,39 +63,6 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
   }
 }
 
-/// torch.optim.SGD's algorithm by hand, for one value.
-TEST(Sgd, AgreesWithTheScalarAlgorithm) {
-  for (const bool nesterov : {false, true}) {
-    for (const double decay : {0.0, 0.2}) {
-      StructureNet net = TinyNet();
-      FlatModule flat(*net);
-      OptimConfig config;
-      config.optimizer = OptimizerKind::kSgd;
-      config.momentum = 0.8;
-      config.nesterov = nesterov;
-      config.weight_decay = decay;
-      Optimizer sgd(config, &flat);
-      const std::int64_t n = flat.parameters().numel();
-      const std::vector<std::int64_t> watched = Watched(flat);
-      std::vector<double> p, buffer(watched.size(), 0.0);
-      for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
-      for (int step = 1; step <= 4; ++step) {
-        const at::Tensor g = at::rand({n}) - 0.5;
-        flat.gradients().copy_(g);
-        sgd.Step(0.1 / step, sgd.GradientNorm());
-        EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
-        for (std::size_t i = 0; i < watched.size(); ++i) {
-          double gi = g[watched[i]].item<double>();
-          if (watched[i] < flat.num_weights()) gi += decay * p[i];
-          buffer[i] = 0.8 * buffer[i] + gi;
-          p[i] -= 0.1 / step * (nesterov ? gi + 0.8 * buffer[i] : buffer[i]);
-          EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;
-        }
-      }
-    }
-  }
-}
-
 TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
   StructureNet net = TinyNet(Normalization::kBatch);
   FlatModule flat(*net);

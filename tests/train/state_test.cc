@@ -15,7 +15,7 @@ namespace {
 constexpr char kProgress[] = R"({
   "samples": 4800, "init_samples": 9223372036854775807, "lr": 0.0002,
   "focal_px": [117.5, 126.25], "image_sizes": [[160, 90], [160, 144]], "validated": -1,
-  "best": {"samples": 3200, "value": 0.125, "since": 2},
+  "best": {"samples": 3200, "value": 0.125},
   "means": {"steps": 3, "samples": 48, "loss": 1.5, "loss_seg": 1.25, "loss_3d": 0.25,
             "degenerate": 7, "gradient_norm": 4.5, "times": [0.5, 1.0, 1.5, 2.0, 2.5],
             "skipped": 1}})";
@@ -30,7 +30,6 @@ TEST(RunProgress, IsReadFromAndWrittenToTheseKeys) {
   EXPECT_EQ(progress.validated, -1);
   EXPECT_EQ(progress.best.samples, 3200);
   EXPECT_EQ(progress.best.value, 0.125);
-  EXPECT_EQ(progress.best.since, 2);
   EXPECT_EQ(progress.means.sum.steps, 3);
   EXPECT_EQ(progress.means.sum.skipped, 1);
   EXPECT_EQ(progress.means.samples, 48);

@@ -42,7 +42,6 @@ TrainConfig TogetherConfig(const std::string& normalization) {
   config.model.normalization = normalization;
   config.model.input = "depth_mask";  // uncentred depth makes group normalisation ill-conditioned
   config.loss.min_side_pixels = 3;
-  config.optim.optimizer = OptimizerKind::kSgd;  // which passes differences on as they are
   config.optim.lr = 1e-4;
   config.optim.clip_norm = 5;
   config.optim.ema_decay = 0.9;
@@ -53,7 +52,6 @@ TrainConfig TogetherConfig(const std::string& normalization) {
   config.run.validate_every = 20;
   config.run.validation_samples = 10;
   config.run.tensorboard = false;
-  config.run.half_checkpoint = false;
   config.run.lost_after_s = 60;
   return config;
 }
@@ -214,7 +212,6 @@ TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
 // Adam, the default, keeps more between steps than what rounding makes of a sum.
 TEST(TogetherInProcesses, ResumeAdamExactly) {
   TrainConfig config = TogetherConfig("none");
-  config.optim.optimizer = OptimizerKind::kAdam;
   const TempFolder folder;
   const auto train = [&](const char* run, std::int64_t stop_at, bool resume) {
     EXPECT_EQ(InProcesses(2, folder.path(),

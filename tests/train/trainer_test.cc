@@ -167,8 +167,6 @@ TEST_P(Resume, EndsAsARunThatWasNotStopped) {
   const auto [optimizer, schedule] = GetParam();
   config.optim.optimizer = optimizer;
   config.optim.schedule = schedule;
-  if (schedule == Schedule::kCosine || schedule == Schedule::kStep)
-    config.optim.period_samples = 12;
   config.run.samples = 24;
   config.optim.warmup_samples = 4;
   config.run.micro_batch = 1;
@@ -182,16 +180,14 @@ TEST_P(Resume, EndsAsARunThatWasNotStopped) {
   EXPECT_TRUE(ReadFile(State(folder / "whole", 24)) == ReadFile(State(folder / "parts", 24)));
 }
 
-INSTANTIATE_TEST_SUITE_P(Trainer, Resume,
-                         testing::Combine(testing::Values(OptimizerKind::kAdam,
-                                                          OptimizerKind::kAdamW,
-                                                          OptimizerKind::kSgd),
-                                          testing::Values(Schedule::kConstant, Schedule::kOneCycle,
-                                                          Schedule::kCosine, Schedule::kStep)),
-                         [](const auto& test) {
-                           return fmt::format("{}_{}", kOptimizers[test.index / 4].first,
-                                              kSchedules[test.index % 4].first);
-                         });
+INSTANTIATE_TEST_SUITE_P(
+    Trainer, Resume,
+    testing::Combine(testing::Values(OptimizerKind::kAdam, OptimizerKind::kAdamW),
+                     testing::Values(Schedule::kConstant, Schedule::kOneCycle)),
+    [](const auto& test) {
+      return fmt::format("{}_{}", kOptimizers[test.index / 2].first,
+                         kSchedules[test.index % 2].first);
+    });
 
 TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
   const TempFolder folder;
@@ -241,15 +237,12 @@ TEST(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
   EXPECT_EQ(Names(folder / "run" / "states"),
             (std::vector<std::string>{"000000000040.state", "000000000044.state"}));
   options.stop_at_samples = 0;
-  config.run.keep_states = 3;
   EXPECT_TRUE(TrainOn(data, config, options).finished);
-  EXPECT_EQ(
-      Names(folder / "run" / "states"),
-      (std::vector<std::string>{"000000000060.state", "000000000070.state", "000000000080.state"}));
+  EXPECT_EQ(Names(folder / "run" / "states"),
+            (std::vector<std::string>{"000000000070.state", "000000000080.state"}));
   EXPECT_EQ(Names(folder / "run"),
             (std::vector<std::string>{"best.pt", "config.yaml", "intrinsics.yaml", "metrics.jsonl",
                                       "model.pt", "states", "structure.yaml", "tensorboard"}));
-  config.run.keep_states = 2;
   for (const char* name : {"best.pt", "model.pt"}) {
     const auto a = ReadTensorFile(folder / "whole" / name, kCheckpointFormat).tensors;
     const auto b = ReadTensorFile(folder / "run" / name, kCheckpointFormat).tensors;
@@ -316,31 +309,6 @@ TEST(Trainer, SaysThatAWarmUpIsLongerThanTheRun) {
       << said;
   const double lr = Rows(folder / "run", "train").back().at("lr");
   EXPECT_LT(lr, config.optim.lr);
-}
-
-TEST(Trainer, EndsEarlyWhereValidationsGetNoBetter) {
-  const TempFolder folder;
-  TrainConfig config = TinyConfig();
-  config.run.validate_every = 10;
-  config.run.patience = 2;
-  config.optim.schedule = Schedule::kConstant;
-  config.optim.lr = 1e-20;  // changes no weight: each validation is as the first one
-  const TrainingData data = SyntheticData(2, 32, 1u << 20);
-  const TrainResult result = TrainOn(data, config, Options(folder / "run"));
-  EXPECT_TRUE(result.finished && result.early);
-  ASSERT_LT(result.samples, 80);
-  const std::vector<json> rows = Rows(folder / "run", "validation");
-  const auto best = std::max_element(rows.begin(), rows.end(), [](const json& a, const json& b) {
-    return a.at("miou").get<double>() < b.at("miou").get<double>();
-  });
-  EXPECT_EQ(rows.end() - best, 3);  // two came after it
-  // It has ended: to resume changes nothing, with more patience it goes on.
-  TrainOptions options = Options(folder / "run");
-  options.resume = true;
-  EXPECT_EQ(TrainOn(data, config, options).samples, result.samples);
-  EXPECT_EQ(Rows(folder / "run", "validation").size(), rows.size());
-  config.run.patience = 0;
-  EXPECT_EQ(TrainOn(data, config, options).samples, 80);
 }
 
 TEST(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
@@ -449,7 +417,6 @@ TEST(Trainer, AverageIsTheRunningMeanOfTheWeights) {
   config.run.samples = 6;  // three steps: decays 2/11, 3/12, 4/13 as (1 + t) / (10 + t)
   config.run.log_every = 2;
   config.run.checkpoint_every = 2;
-  config.run.half_checkpoint = false;
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
   std::vector<at::Tensor> weights;
   at::Tensor average;

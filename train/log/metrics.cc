@@ -47,11 +47,8 @@ std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& r
 }
 
 bool BestValidation::Note(const ValidationResult& result, std::int64_t at_samples) {
-  if (!std::isfinite(result.miou) || (samples >= 0 && result.miou <= value)) {
-    ++since;
-    return false;
-  }
-  *this = {at_samples, result.miou, 0};
+  if (!std::isfinite(result.miou) || (samples >= 0 && result.miou <= value)) return false;
+  *this = {at_samples, result.miou};
   return true;
 }
 

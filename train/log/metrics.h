@@ -73,7 +73,6 @@ std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& r
 struct BestValidation {
   std::int64_t samples = -1;  ///< after which it was; -1: there is none
   double value = 0;
-  int since = 0;  ///< validations that came after it
 
   /// Takes a validation into account; true: it is the best. The earlier of equal ones stays.
   bool Note(const ValidationResult& result, std::int64_t at_samples);

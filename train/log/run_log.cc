@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 
 /// Keys in which the runs of a group may differ.
 const std::set<std::string>& KeysWithin() {
-  static const std::set<std::string> keys = {"run.seed", "run.weight_seed"};
+  static const std::set<std::string> keys = {"run.seed"};
   return keys;
 }
 

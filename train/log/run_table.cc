@@ -64,13 +64,10 @@ double HalfInterval95(std::size_t n) {
 std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
                                    const std::string& metric) {
   const auto by_seeds = [&](const RunGroup& runs) {
-    std::map<std::pair<double, double>, double> values;
-    const auto seed = [](const LoggedRun& run, const char* key) {
-      return NumberOf(run, key).value_or(-1);
-    };
+    std::map<double, double> values;
     for (const LoggedRun& run : runs.runs) {
       const auto value = run.Last("validation/" + metric);
-      if (value) values[{seed(run, "run.seed"), seed(run, "run.weight_seed")}] = *value;
+      if (value) values[NumberOf(run, "run.seed").value_or(-1)] = *value;
     }
     return values;
   };

@@ -74,11 +74,6 @@ void JsonlSink::Validation(const ValidationRow& row) {
   Write(j.dump());
 }
 
-ProgressSink::ProgressSink(std::int64_t total, const std::string& name)
-    : total_(total), name_(name.empty() ? "" : name + ": "), line_(name.empty()) {
-  line_.Begin("training");
-}
-
 void ProgressSink::Train(const TrainRow& row) {
   const std::string text = fmt::format("loss {:.4f}{}  {:.1f} samples/s  lr {:.2e}", row.mean.loss,
                                        miou_, row.samples_per_s, row.lr);
@@ -106,6 +101,6 @@ void ProgressSink::Validation(const ValidationRow& row) {
                   row.samples, v.loss_seg, v.miou, v.posed, v.samples, MedianPoseError(v)));
 }
 
-void ProgressSink::Line(const std::string& text) { line_.Say(name_ + text); }
+void ProgressSink::Line(const std::string& text) { line_.Say(text); }
 
 }  // namespace volalign

@@ -37,8 +37,8 @@ class JsonlSink : public MetricSink {
 /// On stderr: a ProgressLine on a terminal, lines elsewhere.
 class ProgressSink : public MetricSink {
  public:
-  /// Of a run of `total` samples; with a name, lines that begin with it.
-  explicit ProgressSink(std::int64_t total, const std::string& name = "");
+  /// Of a run of `total` samples.
+  explicit ProgressSink(std::int64_t total) : total_(total), line_(true) {}
   void Train(const TrainRow& row) override;
   void Validation(const ValidationRow& row) override;
   void Line(const std::string& text);
@@ -47,7 +47,6 @@ class ProgressSink : public MetricSink {
 
  private:
   std::int64_t total_;
-  std::string name_;
   std::string miou_;  ///< of the last validation, ready to print
   ProgressLine line_;
 };

@@ -81,10 +81,8 @@ TEST(BestValidation, IsThatOfTheLargestMiou) {
   EXPECT_FALSE(note(0.5, 20));  // the earlier of equal ones stays
   EXPECT_FALSE(note(0.4, 30));
   EXPECT_EQ(best.samples, 10);
-  EXPECT_EQ(best.since, 2);
   EXPECT_TRUE(note(0.6, 40));
   EXPECT_EQ(best.value, 0.6);
-  EXPECT_EQ(best.since, 0);
 }
 
 // By its few lucky poses an early validation must not stay the best.
