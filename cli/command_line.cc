@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
@@ -75,7 +74,6 @@ std::string ShellWord(const std::string& word) {
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + ShellWord(argv[i]);
-  if (const char* parents = std::getenv(kCommandVariable)) line = parents;
   TheKept() = {line, program};
 }
 

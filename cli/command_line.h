@@ -16,9 +16,6 @@ std::string ShellWord(const std::string& word);
 /// How the program was called, as a shell reads it.
 std::string CommandLine();
 
-/// Names the line that CommandLine has in the processes that this one starts.
-inline constexpr char kCommandVariable[] = "VOLALIGN_COMMAND";
-
 /// Keeps the program's arguments for CommandLine, and what the parser made of them for SaveCommand;
 /// called once, by main, before a sub-command runs.
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -71,17 +70,17 @@ int TrainOne(const TrainCommandOptions& options) {
     for (const std::string& sentence : UseKeptInputs(dir, &config.data))
       fmt::print(stderr, "{}\n", sentence);
   }
-  if (options.processes > 1) {
-    if (train_options.world.size > 1) {
+  const World& world = train_options.world;
+  // Those that LaunchProcesses has started have a store.
+  if (options.processes > 1 && world.store.empty()) {
+    if (world.size > 1) {
       throw ConfigError(
           "--nproc starts processes, and WORLD_SIZE says that somebody has done so already: leave "
           "one of them out");
     }
     RequireProcesses(config, options.processes);
-    ::setenv(kCommandVariable, CommandLine().c_str(), 1);
-    return LaunchProcesses(options.processes, OwnCommandWithout("--nproc"));
+    return LaunchProcesses(options.processes, OwnCommand());
   }
-  const World& world = train_options.world;
   ChooseThreads(options.run_dir, IdleProcessors(), world.store.empty() ? 1 : world.size, &config);
   SetTorchThreads(config.run.threads);
   KeepFreedMemory();

@@ -28,8 +28,8 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/processor.h"
-#include "core/base/text.h"
 #include "core/nn/torch_device.h"
+#include "train/distributed/launch.h"
 
 namespace volalign {
 
@@ -134,8 +134,7 @@ void WaitPassively() {
   if (std::getenv("OMP_WAIT_POLICY") != nullptr) return;
   std::error_code unknown;
   const std::string program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
-  std::vector<std::string> command = Split(ReadFile("/proc/self/cmdline", kMaxTextBytes), '\0');
-  command.pop_back();  // what stands behind the last zero
+  std::vector<std::string> command = OwnCommand();
   std::vector<char*> arguments;
   for (std::string& argument : command) arguments.push_back(argument.data());
   arguments.push_back(nullptr);

@@ -70,7 +70,6 @@ Run::Run(const TrainingData& data, const TrainConfig& config, const Compute& com
     return std::to_string(saved_);
   }));
   ShareState(group, &learner_, &progress_);
-  if (group.size() > 1) reducer_.emplace(&learner_.flat, &group);
 }
 
 void Run::Say(const std::string& sentence) {
@@ -219,7 +218,7 @@ bool Run::Step(const FedBatch& fed) {
   try {
     numbers = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
                               config_.run.micro_batch, measured ? &times : nullptr, share,
-                              reducer_ ? &*reducer_ : nullptr, [&] {
+                              alone ? nullptr : &group_, [&] {
                                 if (alone && Interrupted()) throw Interruption();
                               });
   } catch (const Interruption&) {

@@ -9,7 +9,6 @@
 #include "core/base/interrupt.h"
 #include "train/batch_feed.h"
 #include "train/compute.h"
-#include "train/distributed/gradient_reducer.h"
 #include "train/distributed/process_group.h"
 #include "train/learner.h"
 #include "train/log/run_folder.h"
@@ -74,7 +73,6 @@ class Run {
   std::int64_t stop_;
   Learner learner_;
   TrainingLoss loss_;
-  std::optional<GradientReducer> reducer_;
   RunProgress progress_;
   TrainResult result_;
   /// What the device knows of the steps since the last row and progress_.means does not; on a CPU

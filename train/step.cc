@@ -69,7 +69,7 @@ StepReport ReadSums(const at::Tensor& sums) {
 
 StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                             const Compute& compute, std::int64_t samples, int micro_batch,
-                            StepTimes* times, double share, GradientReducer* reducer,
+                            StepTimes* times, double share, ProcessGroup* group,
                             const std::function<void()>& between) {
   learner.net->train();
   const std::int64_t size = batch.depth.size(0);
@@ -80,15 +80,14 @@ StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Ba
     const std::int64_t count = std::min(part, size - first);
     const bool whole = count == size;
     const double of_part = share * static_cast<double>(count) / static_cast<double>(size);
-    if (reducer != nullptr && first + count == size) reducer->Arm();
     const at::Tensor terms = AddGradient(learner, loss, whole ? batch : batch.Narrow(first, count),
                                          of_part, compute, samples, times);
     sums = sums.defined() ? sums + terms : terms;
   }
-  if (reducer != nullptr) {
+  if (group != nullptr) {
     const auto start = Clock::now();
-    reducer->Finish();
-    reducer->group().Sum(sums);
+    group->Sum(learner.flat.gradients());
+    group->Sum(sums);
     if (times != nullptr) times->backward += Seconds(start, Clock::now());
   }
   StepNumbers numbers;

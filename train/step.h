@@ -7,7 +7,7 @@
 
 #include "train/batch.h"
 #include "train/compute.h"
-#include "train/distributed/gradient_reducer.h"
+#include "train/distributed/process_group.h"
 #include "train/learner.h"
 #include "train/log/metrics.h"
 #include "train/losses.h"
@@ -34,12 +34,12 @@ StepReport ReadSums(const at::Tensor& sums);
 /// finite can be skipped; running statistics of a batch normalisation move. `times`, but for data
 /// and optim, are measured where it is not null: that waits for the device after each part.
 /// `between` is called between micro-batches; what it throws is passed on.
-/// Where `batch` is a process's slice of one, `share` is its share of the samples, and `reducer`
-/// adds up gradients and report over the processes.
+/// Where `batch` is a process's slice of one, `share` is its share of the samples, and `group` adds
+/// up gradients and report over the processes.
 StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
                             const Compute& compute, std::int64_t samples, int micro_batch,
                             StepTimes* times = nullptr, double share = 1,
-                            GradientReducer* reducer = nullptr,
+                            ProcessGroup* group = nullptr,
                             const std::function<void()>& between = {});
 
 }  // namespace volalign

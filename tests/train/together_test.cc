@@ -24,7 +24,6 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/distributed/in_processes.h"
 #include "tests/train/synthetic_source.h"
-#include "train/distributed/gradient_reducer.h"
 #include "train/step.h"
 #include "train/together.h"
 #include "train/trainer.h"
@@ -249,8 +248,8 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   EXPECT_NE(ReadFile(folder / "message1").find("rank 0: "), std::string::npos);
 }
 
-// The gradient of one step, with buckets so small that several are under way.
-TEST(TogetherInProcesses, AddUpGradientsInBuckets) {
+// The gradient of one step.
+TEST(TogetherInProcesses, AddUpGradients) {
   const TempFolder folder;
   for (const char* normalization : {"none", "group"}) {
     TrainConfig config = TogetherConfig(normalization);
@@ -260,14 +259,7 @@ TEST(TogetherInProcesses, AddUpGradientsInBuckets) {
       const Batch batch = Collate(data.open_training(0)->Next());
       const TrainingLoss loss(config.loss, data.structure, at::kCPU);
       Learner learner(config, data.structure.num_classes(), Compute());
-      if (group == nullptr) {
-        ComputeGradient(learner, loss, batch, Compute(), 0, 0);
-      } else {
-        GradientReducer reducer(&learner.flat, group, 5000);
-        if (reducer.num_buckets() < 4) throw Error("one bucket is no test");
-        ComputeGradient(learner, loss, batch, Compute(), 0, 0, nullptr, slice.count / 5.0,
-                        &reducer);
-      }
+      ComputeGradient(learner, loss, batch, Compute(), 0, 0, nullptr, slice.count / 5.0, group);
       return learner.flat.gradients().clone();
     };
     EXPECT_EQ(InProcesses(2, folder.path(),

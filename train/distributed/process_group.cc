@@ -204,14 +204,11 @@ void ProcessGroup::Connect(const World& world, const at::Device& device, double 
   c.names = Gather(OwnName());
 }
 
-void ProcessGroup::Sum(const at::Tensor& tensor) { BeginSum(tensor)(); }
-
-std::function<void()> ProcessGroup::BeginSum(const at::Tensor& tensor) {
-  if (size_ == 1) return [] {};
-  return connection_->Call([&]() -> std::function<void()> {
+void ProcessGroup::Sum(const at::Tensor& tensor) {
+  if (size_ == 1) return;
+  connection_->Call([&] {
     std::vector<at::Tensor> tensors = {tensor};
-    auto work = connection_->Of(tensor).allreduce(tensors);
-    return [work, this] { connection_->Call([&] { work->wait(); }); };
+    connection_->Of(tensor).allreduce(tensors)->wait();
   });
 }
 
@@ -261,9 +258,6 @@ void ProcessGroup::Connect(const World&, const at::Device&, double) {
 }
 
 void ProcessGroup::Sum(const at::Tensor&) {}
-std::function<void()> ProcessGroup::BeginSum(const at::Tensor&) {
-  return [] {};
-}
 void ProcessGroup::Broadcast(const at::Tensor&) {}
 std::vector<std::string> ProcessGroup::Gather(const std::string& own) { return {own}; }
 

@@ -43,8 +43,6 @@ class ProcessGroup {
 
   /// The sum over the processes, in place, the same bits everywhere. Contiguous tensors.
   void Sum(const at::Tensor& tensor);
-  /// The same without waiting: the function that comes back waits.
-  std::function<void()> BeginSum(const at::Tensor& tensor);
   /// The tensor of rank 0, in place. Contiguous tensors.
   void Broadcast(const at::Tensor& tensor);
   /// What each process gave, by rank.
