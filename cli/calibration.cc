@@ -136,7 +136,7 @@ std::vector<std::string> NextCommands(const CalibrationRequest& request) {
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option(
          "--model", request->model,
-         "checkpoint, or its ONNX export; shipped: the program's own (models/m05-lite.pt) "
+         "checkpoint, or its ONNX export; shipped: the program's own (models/m05-lite.safetensors) "
          "where the structure is the one that it knows; none, and shipped elsewhere: poses "
          "come from the structure's shape alone, whatever its boxes")
       ->capture_default_str();

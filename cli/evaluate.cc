@@ -69,7 +69,7 @@ void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
 void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--model", options->models,
                   "checkpoints; several are compared on the same frames; without it, the shipped "
-                  "one (models/m05-lite.pt)");
+                  "one (models/m05-lite.safetensors)");
   app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "

@@ -39,7 +39,8 @@ const std::map<std::string, std::string>& Examples() {
        calibrate + "volalign convert out/calibration/extrinsics.json --to colmap -o out/colmap\n"},
       {"doctor", "volalign doctor\n"},
       {"evaluate", "volalign evaluate --rig configs/rig_ring4.yaml --seeds 7 -o out/evaluation\n"},
-      {"export", "volalign export --model models/m05-lite.pt --format onnx -o out/m05-lite.onnx\n"},
+      {"export",
+       "volalign export --model models/m05-lite.safetensors --format onnx -o out/m05-lite.onnx\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
       {"runs", train + "volalign runs list out\n"},
@@ -54,7 +55,7 @@ const std::map<std::string, std::string>& Examples() {
        "volalign structure suggest '2x 500x400x300, 400x300x250' -o out/my_boxes.yaml\n"},
       {"train", train},
       {"validate",
-       "volalign validate --model models/m05-lite.pt --samples 16 -o out/scores.json\n"}};
+       "volalign validate --model models/m05-lite.safetensors --samples 16 -o out/scores.json\n"}};
   return examples;
 }
 

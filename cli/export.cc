@@ -12,7 +12,6 @@
 #include "core/base/error.h"
 #include "core/base/progress_line.h"
 #include "core/nn/export_onnx.h"
-#include "core/nn/export_safetensors.h"
 #include "core/nn/export_torchscript.h"
 
 namespace volalign {
@@ -21,27 +20,21 @@ namespace {
 
 struct Format {
   const char* word;
-  std::vector<std::string> endings;
+  const char* ending;
   void (*write)(const std::filesystem::path& checkpoint, const std::filesystem::path& output,
                 bool half);
-  const char* content;
 };
 
-constexpr char kNetwork[] = "depth [B,1,H,W] float32, metres -> log-probabilities [B,K,H,W]";
-
-const Format kFormats[] = {
-    {"torchscript", {".ts", ".pt"}, ExportTorchScript, kNetwork},
-    {"onnx", {".onnx"}, ExportOnnx, kNetwork},
-    {"safetensors", {".safetensors"}, ExportSafetensors, "the weights alone"}};
+const Format kFormats[] = {{"torchscript", ".ts", ExportTorchScript},
+                           {"onnx", ".onnx", ExportOnnx}};
 
 /// Throws ConfigError where the output's ending is not the format's.
 const Format& FormatOf(const std::string& word, const std::string& output) {
   const Format& format = *std::find_if(std::begin(kFormats), std::end(kFormats),
                                        [&](const Format& f) { return word == f.word; });
-  const std::string ending = std::filesystem::path(output).extension().string();
-  if (std::find(format.endings.begin(), format.endings.end(), ending) == format.endings.end()) {
-    throw ConfigError(fmt::format("{}: a file of --format {} ends with {}", output, word,
-                                  fmt::join(format.endings, " or ")));
+  if (std::filesystem::path(output).extension() != format.ending) {
+    throw ConfigError(
+        fmt::format("{}: a file of --format {} ends with {}", output, word, format.ending));
   }
   return format;
 }
@@ -55,18 +48,16 @@ Command AddExportCommand(CLI::App& program) {
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
       "export", "Write a checkpoint for other programs: docs/deployment.md says which runs what");
-  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.pt")->required();
-  app->add_option("--format", options->format,
-                  "torchscript and onnx: the network with its input encoding; safetensors: its "
-                  "weights")
-      ->check(CLI::IsMember({"torchscript", "onnx", "safetensors"}))
+  app->add_option("--model", options->model, "checkpoint, e.g. models/m05-lite.safetensors")
+      ->required();
+  app->add_option("--format", options->format, "both have the network with its input encoding")
+      ->check(CLI::IsMember({"torchscript", "onnx"}))
       ->capture_default_str();
   app->add_option("--precision", options->precision,
                   "of the stored weights; everything is computed in fp32")
       ->check(CLI::IsMember({"fp32", "fp16"}))
       ->capture_default_str();
-  app->add_option("-o,--output", options->output,
-                  "file to write: .ts or .pt, .onnx, .safetensors, as the format says")
+  app->add_option("-o,--output", options->output, "file to write: .ts or .onnx, as the format says")
       ->required();
   return {app, [options] {
             const Format& format = FormatOf(options->format, options->output);
@@ -75,7 +66,9 @@ Command AddExportCommand(CLI::App& program) {
             format.write(options->model, options->output, options->precision == "fp16");
             line.Stop();
             SaveCommand(options->output);
-            fmt::print("written: {} ({})\n", options->output, format.content);
+            fmt::print(
+                "written: {} (depth [B,1,H,W] float32, metres -> log-probabilities [B,K,H,W])\n",
+                options->output);
             return 0;
           }};
 }

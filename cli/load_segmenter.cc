@@ -19,8 +19,8 @@ std::unique_ptr<NetworkSegmenter> LoadSegmenter(const std::string& file, const S
     return LoadNetworkSegmenter(file, structure, device);
   }
   if (device != "cpu") {
-    throw ConfigError(fmt::format("device = {}: {} runs on the CPU alone; use the checkpoint (.pt)",
-                                  device, file));
+    throw ConfigError(fmt::format(
+        "device = {}: {} runs on the CPU alone; use the checkpoint (.safetensors)", device, file));
   }
   if (threads > 0) cv::setNumThreads(threads);
   return LoadOnnxSegmenter(file, structure);

@@ -3,6 +3,6 @@
 namespace volalign {
 
 /// In the data folder: the network of configs/structure.yaml that comes with the program.
-inline constexpr char kShippedModel[] = "models/m05-lite.pt";
+inline constexpr char kShippedModel[] = "models/m05-lite.safetensors";
 
 }  // namespace volalign

@@ -119,9 +119,8 @@ Command AddTrainCommand(CLI::App& program) {
       app->add_option("--config", options->config, "recipe, e.g. configs/m05-lite.yaml");
   CLI::Option* sweep = app->add_option(
       "--sweep", options->sweep,
-      "YAML of recipes, values and seeds: trains all combinations in folders of "
-      "--output, those with the same samples side by side, and goes on where it was "
-      "stopped");
+      "YAML of recipes, values and seeds: trains all combinations, one after the other, in folders "
+      "of --output, and goes on where it was stopped");
   sweep->excludes(config);
   app->add_option("--set", options->assignments,
                   "KEY=VALUE over the recipe, e.g. run.samples=20000")

@@ -380,7 +380,7 @@ def print_sensors(results):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("programs", nargs="+", help="volalign, or two to compare")
-    parser.add_argument("--model", type=pathlib.Path, default="models/m05-lite.pt")
+    parser.add_argument("--model", type=pathlib.Path, default="models/m05-lite.safetensors")
     parser.add_argument("--parts", default="foreign,real,rendered,physics")
     parser.add_argument("--rigs", type=int, default=40, help="rendered rigs of each kind of sensor")
     parser.add_argument("--rig", nargs="+", default=RIGS, help="rigs of configs/, in turn")

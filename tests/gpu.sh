@@ -39,24 +39,23 @@ parity=$build/tests/bench/device_parity
 # The table may take half of the time, and has fewer lines where that is short.
 python3 tests/bench/gpu_table.py --program "$program" --parity "$parity" --device "$device" --seconds $(((end - SECONDS) / 2)) | tee "$output/table.md"
 
-# Models of one range of distances have the same samples, and train side by side in one process.
+# Each model trains in a process of its own.
 left=$((end - SECONDS))
 children=()
 stop() { for child in "${children[@]}"; do kill -INT "$child" 2>/dev/null || true; done; }
 trap stop INT TERM
-for models in m01,m02,m03 m04,m05 m06,m07; do
-  recipes=$(sed 's#[^,]*#configs/&.yaml#g; s/,/, /g' <<<"$models")
-  sed "s#^recipes:.*#recipes: [$recipes]#" configs/paper/long.yaml >"$output/$models.yaml"
-  timeout -s INT "$((left > 20 ? left - 10 : 10))" "$program" train --sweep "$output/$models.yaml" --device "$device" -o "$output/runs" >"$output/$models.log" 2>&1 &
+for model in m01 m02 m03 m04 m05 m06 m07; do
+  sed "s#^recipes:.*#recipes: [configs/$model.yaml]#" configs/paper/long.yaml >"$output/$model.yaml"
+  timeout -s INT "$((left > 20 ? left - 10 : 10))" "$program" train --sweep "$output/$model.yaml" --device "$device" -o "$output/runs" >"$output/$model.log" 2>&1 &
   children+=($!)
 done
 for child in "${children[@]}"; do wait "$child" || true; done
 
 for run in "$output"/runs/*/; do
-  [ -f "$run/model.pt" ] || continue
-  weights=$output/$(basename "$run").pt
-  cp "$run/model.pt" "$weights"
+  [ -f "$run/model.safetensors" ] || continue
+  weights=$output/$(basename "$run").safetensors
+  cp "$run/model.safetensors" "$weights"
   [ "$(stat -c %s "$weights")" -lt 16000000 ] || { echo "error: $weights has 16 MB or more" >&2; exit 1; }
 done
 "$program" runs list "$output/runs"
-ls -l "$output"/*.pt
+ls -l "$output"/*.safetensors

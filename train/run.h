@@ -88,7 +88,7 @@ class Run {
   bool foretold_ = false;
   int signal_ = 0;              ///< that interrupted the run
   std::int64_t saved_ = -1;     ///< samples of the newest state
-  std::int64_t modelled_ = -1;  ///< samples of the model.pt that this process wrote
+  std::int64_t modelled_ = -1;  ///< samples of the model.safetensors that this process wrote
   std::optional<JsonlSink> jsonl_;
   std::optional<TensorBoardSink> board_;
   std::optional<ProgressSink> bar_;

@@ -80,7 +80,7 @@ void RequireSameInputs(const fs::path& dir, const TrainConfig& config, const Str
   if (const std::string kept = KeptStructure(dir); !kept.empty()) {
     if (ReadStructure(kept).Hash() != structure.Hash())
       Differs("data.structure", data.structure, kept, "boxes or labels");
-  } else if (const std::string model = IfExists(dir / "model.pt"); !model.empty()) {
+  } else if (const std::string model = IfExists(dir / "model.safetensors"); !model.empty()) {
     if (LoadCheckpoint(model).meta.structure.Hash() != structure.Hash())
       throw ConfigError(fmt::format(
           "data.structure = {} has other boxes or labels than {}, which this run has trained: "

@@ -19,7 +19,7 @@ void KeepInputs(const std::filesystem::path& dir, const TrainConfig& config,
 
 /// Throws ConfigError, which names the key and both files, where `structure` or the intrinsics of
 /// the recipe's sensors are others than those that the run in `dir` began with. Of a run of an
-/// earlier version, which kept no file, its model.pt has the structure.
+/// earlier version, which kept no file, its model.safetensors has the structure.
 void RequireSameInputs(const std::filesystem::path& dir, const TrainConfig& config,
                        const Structure& structure);
 

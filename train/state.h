@@ -18,7 +18,7 @@
 
 namespace volalign {
 
-inline constexpr char kStateFormat[] = "volalign.training/2";
+inline constexpr char kStateFormat[] = "volalign.training/3";
 
 /// How far a run is, beside its weights.
 struct RunProgress {

@@ -183,10 +183,11 @@ struct RunConfig {
     ar("checkpoint_every", checkpoint_every,
        "samples between saved states, of which the two newest are kept", AtLeast(1),
        Removed("keep_states", "the two newest states are kept", Harmless{"2"}),
-       Removed("patience", "best.pt has the best validation, and the run goes on to run.samples",
+       Removed("patience",
+               "best.safetensors has the best validation, and the run goes on to run.samples",
                Harmless{"0"}),
-       Removed("best_metric", "best.pt is that of the best miou", Harmless{"miou"}),
-       Removed("half_checkpoint", "model.pt has float16 weights, and states have float32",
+       Removed("best_metric", "best.safetensors is that of the best miou", Harmless{"miou"}),
+       Removed("half_checkpoint", "model.safetensors has float16 weights, and states have float32",
                Harmless{"true"}));
     ar("log_every", log_every, "samples between rows of metrics.jsonl", AtLeast(1));
     ar("tensorboard", tensorboard,

@@ -34,7 +34,7 @@ struct TrainResult {
   bool finished = false;             ///< false: interrupted, can be resumed
   int signal = 0;                    ///< that interrupted it; 0: none did
   ValidationResult validation;       ///< the last one, where this call made one
-  std::filesystem::path checkpoint;  ///< run_dir/model.pt
+  std::filesystem::path checkpoint;  ///< run_dir/model.safetensors
 };
 
 /// Trains a network on samples rendered as it goes, or on run.dataset, and
@@ -44,10 +44,10 @@ struct TrainResult {
 ///   metrics.jsonl  a row every run.log_every samples (means since the row before) and one a
 ///                  validation
 ///   states/        all that --resume needs, after so many samples as the name says (format
-///                  volalign.training/2); the two newest ones
-///   model.pt       the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights
-///   best.pt        that of the best validation
-///   tensorboard/   event files of the same metrics, with pictures of labels
+///                  volalign.training/3); the two newest ones
+///   model.safetensors       the deployable checkpoint (core/nn/checkpoint.h) of the averaged
+///   weights best.safetensors        that of the best validation tensorboard/   event files of the
+///   same metrics, with pictures of labels
 /// SIGINT and SIGTERM stop it after the current micro-batch or batch of a validation, with the
 /// state saved; of several processes, after the current step. A run that was stopped or killed at
 /// any moment and is resumed ends with the weights of one that was not, bit for bit on a CPU with

@@ -54,7 +54,7 @@ std::unique_ptr<NetworkSegmenter> LoadModel(const CalibrateArguments& arguments,
     const bool fits = !structure || segmenter->structure().Hash() == structure->Hash();
     return fits ? std::move(segmenter) : nullptr;
   }
-  if (std::filesystem::path(path).extension() == ".pt") {
+  if (std::filesystem::path(path).extension() == ".safetensors") {
     throw ConfigError(fmt::format(
         "{} is a checkpoint of LibTorch, which this package does without; `volalign export --model "
         "{} --format onnx -o MODEL.onnx` makes a model for it",

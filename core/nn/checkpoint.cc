@@ -1,10 +1,8 @@
 #include "core/nn/checkpoint.h"
 
-#include <ATen/core/ivalue.h>
 #include <ATen/ops/isfinite.h>
 #include <c10/core/GradMode.h>
 #include <fmt/format.h>
-#include <torch/csrc/jit/serialization/pickle.h>
 #include <torch/version.h>
 
 #include <utility>
@@ -16,10 +14,13 @@
 #include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "core/model/paper_units.h"
-#include "core/nn/tensor_archive.h"
+#include "core/nn/safetensors.h"
 
 namespace volalign {
 namespace {
+
+// Texts of the header.
+constexpr char kFormat[] = "format", kMeta[] = "volalign.json", kDigest[] = "digest";
 
 std::string Digest(const TensorFile& file) {
   std::string hashes = file.meta;
@@ -58,54 +59,49 @@ void RequireShapes(const std::map<std::string, at::Tensor>& tensors, const std::
 
 void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file) {
   TensorFile stored{file.format, file.meta, {}};
-  c10::Dict<std::string, at::Tensor> tensors;
-  for (const auto& [name, tensor] : file.tensors) {
-    // A clone, because a view would be saved with the whole storage that it looks into.
-    const at::Tensor plain = tensor.detach().to(at::kCPU).clone(at::MemoryFormat::Contiguous);
-    stored.tensors.emplace(name, plain);
-    tensors.insert(name, plain);
-  }
-  c10::impl::GenericDict dict(c10::StringType::get(), c10::AnyType::get());
-  dict.insert("format", stored.format);
-  dict.insert("meta", stored.meta);
-  dict.insert("digest", Digest(stored));
-  dict.insert("tensors", tensors);
-  const std::vector<char> bytes = torch::jit::pickle_save(dict);
+  for (const auto& [name, tensor] : file.tensors)
+    stored.tensors.emplace(name, tensor.detach().to(at::kCPU).contiguous());
+  const std::string bytes =
+      WriteSafetensors({{{kFormat, stored.format}, {kMeta, stored.meta}, {kDigest, Digest(stored)}},
+                        stored.tensors});
   if (bytes.size() > kMaxModelBytes) {
     throw Error(fmt::format(
         "{}: {} bytes are more than the {} that are read of such a file: use fewer base channels",
         path.string(), bytes.size(), kMaxModelBytes));
   }
-  WriteFileAtomically(path, std::string_view(bytes.data(), bytes.size()));
+  WriteFileAtomically(path, bytes);
 }
 
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format) {
   const std::string content = ReadFile(FindInputFile(path.string()), kMaxModelBytes);
+  if (content.compare(0, 2, "PK") == 0) {
+    throw DataError(
+        fmt::format("{} is a zip archive, as earlier versions of volalign wrote checkpoints and "
+                    "states: convert it with packaging/convert_checkpoint.py {} OUTPUT",
+                    path.string(), path.string()));
+  }
   const auto foreign = [&](const std::string& why) {
     const bool checkpoint = format == kCheckpointFormat;
-    return DataError(
-        fmt::format("{} is not a {}, or not a whole one: {}", path.string(),
-                    checkpoint ? "volalign checkpoint (.pt)" : "file of format " + format, why));
+    return DataError(fmt::format(
+        "{} is not a {}, or not a whole one: {}", path.string(),
+        checkpoint ? "volalign checkpoint (.safetensors)" : "file of format " + format, why));
   };
   TensorFile file;
-  std::string digest;
   try {
-    TensorArchive archive = ReadTensorArchive(content);
+    Safetensors stored = ReadSafetensors(content);
     const auto text = [&](const char* key) -> std::string {
-      const auto found = archive.texts.find(key);
-      if (found == archive.texts.end()) throw DataError(fmt::format("it has no {}", key));
+      const auto found = stored.texts.find(key);
+      if (found == stored.texts.end()) throw DataError(fmt::format("it has no {}", key));
       return found->second;
     };
-    file.format = text("format");
+    file = {text(kFormat), text(kMeta), std::move(stored.tensors)};
     if (file.format != format)
       throw DataError(fmt::format("its format is '{}'", Shortened(file.format)));
-    file.meta = text("meta");
-    digest = text("digest");
-    file.tensors = std::move(archive.tensors["tensors"]);
+    if (Digest(file) != text(kDigest))
+      throw DataError("its digest does not match: the content was changed");
   } catch (const DataError& error) {
     throw foreign(error.what());
   }
-  if (Digest(file) != digest) throw foreign("its digest does not match: the content was changed");
   return file;
 }
 

@@ -11,10 +11,9 @@
 
 namespace volalign {
 
-/// A versioned file of named tensors: a dictionary {"format": str, "meta": str (JSON), "digest":
-/// str, "tensors": {name: tensor}} in the zip container of `torch.save`, which Python's
-/// `torch.load` opens. `digest` is the SHA-256 over names, types, shapes and bytes, so that a
-/// flipped bit is an error and not a bad pose.
+/// A versioned safetensors file (core/nn/safetensors.h). Its header has the texts `format`,
+/// `volalign.json` (`meta`) and `digest`, which is the SHA-256 over metadata and over names, types,
+/// shapes and bytes, so that a flipped bit is an error and not a bad pose.
 struct TensorFile {
   std::string format;
   std::string meta;
@@ -25,9 +24,9 @@ struct TensorFile {
 /// Error for more than 4 GiB.
 void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file);
 
-/// Reads a file of `format`, of at most 4 GiB, by ReadTensorArchive, which follows no instruction
-/// of it but those that make texts and tensors, so that nothing in a file can run code. Throws
-/// IoError, or DataError for anything that is not such a file, whole and unchanged.
+/// Reads a file of `format`, of at most 4 GiB. Throws IoError, or DataError for anything that is
+/// not such a file, whole and unchanged; for a pickle of earlier versions it names what converts
+/// it.
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format);
 
 /// Copies `source[prefix + name]` into each of the module's parameters and buffers, converting
@@ -46,7 +45,7 @@ void AddModuleTensors(const torch::nn::Module& module, const std::string& prefix
 std::map<std::string, at::Tensor> NetworkTensors(const StructureNet& net, bool half,
                                                  const std::string& what);
 
-inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/1";
+inline constexpr char kCheckpointFormat[] = "volalign.checkpoint/2";
 
 /// Writes network and meta; `half` as for NetworkTensors. Throws Error when meta.network differs
 /// from the network's options or the structure has another number of classes, or IoError.

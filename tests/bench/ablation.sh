@@ -23,9 +23,9 @@ run() {
   local assignments=()
   for assignment in "$@"; do assignments+=(--set "$assignment"); done
   "$program" train --config configs/ablation.yaml "${assignments[@]}" -o "$out/$name" 2>"$out/$name/train.log"
-  "$program" validate --model "$out/$name/model.pt" --config configs/ablation.yaml --samples 1000 >"$out/$name/validation.txt"
+  "$program" validate --model "$out/$name/model.safetensors" --config configs/ablation.yaml --samples 1000 >"$out/$name/validation.txt"
   if [ ${#captures[@]} -gt 0 ]; then
-    "$program" evaluate --model "$out/$name/model.pt" --captures "${captures[@]}" -o "$out/$name/captures" \
+    "$program" evaluate --model "$out/$name/model.safetensors" --captures "${captures[@]}" -o "$out/$name/captures" \
       >"$out/$name/captures.md" 2>/dev/null || true
   fi
   touch "$out/$name/done"

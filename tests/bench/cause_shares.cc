@@ -1,7 +1,7 @@
 // What recorded frames show along their rays (infer/depth), where poses are right and where they
 // are wrong: what the figures of the causes are fitted to. tests/bench/cause_shares.py runs it.
 //
-//   cause_shares STRUCTURE OTHER_STRUCTURE CAPTURE.json EXTRINSICS.json [MODEL.pt]
+//   cause_shares STRUCTURE OTHER_STRUCTURE CAPTURE.json EXTRINSICS.json [MODEL.safetensors]
 //
 // The poses of the extrinsics are taken for right. Wrong ones are those of the structure's aliases,
 // but for those that move every box onto a box, and of turns and steps that are none, brought onto

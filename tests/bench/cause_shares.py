@@ -27,7 +27,7 @@ CAUSES = ["surface", "before", "behind", "missing"]
 SHARES = [("view", "not behind", lambda c: (c[0], c[2])), ("view", "named so", lambda c: (c[4], c[5])),
           ("view", "in outline", lambda c: (c[6], c[0] + c[4] + c[5] - 2 * c[6])),
           ("pair", "not floating", lambda c: (c[0] + c[1], c[2])), ("floor", "on floor", lambda c: (c[0], c[1]))]
-PAPER, OTHER, MODEL = "configs/structure.yaml", "foreign/own6_kinects/boxes.yaml", "models/m05-lite.pt"
+PAPER, OTHER, MODEL = "configs/structure.yaml", "foreign/own6_kinects/boxes.yaml", "models/m05-lite.safetensors"
 LEAST_CELLS = 2  # less says nothing
 
 

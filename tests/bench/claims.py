@@ -5,7 +5,7 @@
   claims.py VOLALIGN MODELS --validations 5 [--samples 400] [--scores FOLDER]
 
 RUNS holds the runs of a sweep over seeds (`volalign train --sweep configs/paper/own.yaml -o RUNS` with `seeds: [1, 2, 3]` in the sweep); those that are not
-finished are left out. MODELS holds one checkpoint of each model, m01.pt for example, which so many validation sets score: intervals then speak of these very
+finished are left out. MODELS holds one checkpoint of each model, m01.safetensors for example, which so many validation sets score: intervals then speak of these very
 networks and not of others that the same recipe would give.
 
 Each model is scored (volalign validate) on samples of its own recipe; scores that are there already are kept. Printed as Markdown: mean and standard deviation
@@ -46,7 +46,7 @@ def table(heading, rows):
 
 def finished(run):
     """Whether the run has trained for as long as its recipe says."""
-    if not (run / "model.pt").exists():
+    if not (run / "model.safetensors").exists():
         return False
     wanted = int(re.search(r"^run:\n(?:  .*\n)*?  samples: (\d+)$", (run / "config.yaml").read_text(), re.MULTILINE)[1])
     rows = (run / "metrics.jsonl").read_text().splitlines()
@@ -87,7 +87,7 @@ def main():
     arguments = parser.parse_args()
     scores = {}  # model -> seed of its training or of a validation set -> what validate writes
     if arguments.validations:
-        for model in sorted(arguments.runs.glob("*.pt")):
+        for model in sorted(arguments.runs.glob("*.safetensors")):
             for seed in range(2000001, 2000001 + arguments.validations):
                 scores.setdefault(model.stem, {})[seed] = score(arguments.program, model, arguments.scores / f"{model.stem}_{seed}.json", arguments.samples,
                                                                 [f"run.validation_seed={seed}"])
@@ -95,7 +95,7 @@ def main():
         for run in sorted(arguments.runs.iterdir()):
             name = re.fullmatch(r"(m0\d)_run\.seed=(\d+)", run.name)
             if name and finished(run):
-                scores.setdefault(name[1], {})[int(name[2])] = score(arguments.program, run / "model.pt", run / "own.json", arguments.samples, [])
+                scores.setdefault(name[1], {})[int(name[2])] = score(arguments.program, run / "model.safetensors", run / "own.json", arguments.samples, [])
     if not scores:
         sys.exit(f"{arguments.runs} holds no finished run of a sweep over seeds, and no checkpoint for --validations")
 

@@ -23,7 +23,7 @@ sys.path.insert(0, os.path.join(ROOT, "tests", "cli"))
 THREADS = 2
 # Threads that wait for each other sleep, as in the tests: where other programs run, those that spin took three to six times as long.
 ENVIRONMENT = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
-CHECKPOINT = os.path.join(ROOT, "models", "m05-lite.pt")
+CHECKPOINT = os.path.join(ROOT, "models", "m05-lite.safetensors")
 
 
 def frames_of(path):

@@ -88,7 +88,7 @@ class Table:
         with tempfile.TemporaryDirectory() as folder:
             capture, result = os.path.join(folder, "capture"), os.path.join(folder, "result")
             rig = [self.arguments.program, "render", "--rig", "configs/rig_studio.yaml", "--renderer", "cpu", "-o", capture]
-            calibrate = [self.arguments.program, "calibrate", "--model", "models/m05-lite.pt", "--device", self.arguments.device, "-o", result]
+            calibrate = [self.arguments.program, "calibrate", "--model", "models/m05-lite.safetensors", "--device", self.arguments.device, "-o", result]
             for command in (rig, calibrate):
                 status, _, message = self.run(command)
                 if status not in (0, 2):

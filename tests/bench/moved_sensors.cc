@@ -8,7 +8,7 @@
 // same_place=0      1: the stack stands where it stood, built up anew
 // radius_m=0.5      else it stands anywhere within this distance
 // box_mm=3          how far boxes stand from their places, standard deviation along each axis
-// model=models/m05-lite.pt
+// model=models/m05-lite.safetensors
 //
 // A row: of how many moved sensors that both calibrations place and call ok the movement was found,
 // and how many of all others were accused. Sensor and direction are drawn from the seed.
@@ -168,7 +168,7 @@ int main(int argc, char** argv) {
                              {"same_place", "0"},
                              {"radius_m", "0.5"},
                              {"box_mm", "3"},
-                             {"model", "models/m05-lite.pt"}};
+                             {"model", "models/m05-lite.safetensors"}};
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const std::size_t equals = argument.find('=');

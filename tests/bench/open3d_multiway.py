@@ -8,7 +8,7 @@ with the true ones as a set before absolute errors are taken; relative errors be
 
 Needs Debian's python3-open3d (run with /usr/bin/python3), numpy and a built volalign. One command prints the table:
 
-    /usr/bin/python3 tests/bench/open3d_multiway.py --program build/release/cli/volalign --model models/m05-lite.pt \\
+    /usr/bin/python3 tests/bench/open3d_multiway.py --program build/release/cli/volalign --model models/m05-lite.safetensors \\
         --rig configs/rig_ring8.yaml --seeds 1000:1003 -o out/open3d
 """
 

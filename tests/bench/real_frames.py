@@ -5,7 +5,7 @@
 
 VOLALIGN_CAPTURES names the folder of captures (foreign/*/capture.json, and the frames that tests/accuracy.py names as real); none of them is in the repository.
 The program calibrates each rig of the paper's stack; accepted calibrations are used, of sensors that lie on their sides, as the recipe's do. Then
-models/m05-lite.pt is trained on by so many samples with a constant learning rate and averaged weights: once with rendered samples, and for each rig that is left
+models/m05-lite.safetensors is trained on by so many samples with a constant learning rate and averaged weights: once with rendered samples, and for each rig that is left
 out once with a quarter of the samples from all other rigs. Runs that are there already are not made again. Run it from the repository's root.
 """
 
@@ -16,7 +16,7 @@ import pathlib
 import re
 import subprocess
 
-MODEL = "models/m05-lite.pt"
+MODEL = "models/m05-lite.safetensors"
 
 
 def run(program, *arguments):
@@ -75,12 +75,12 @@ def listed(calibrations):
 
 def train(args, name, settings):
     folder = args.work / f"{name}_{args.samples}"
-    if not (folder / "model.pt").exists() or not (folder / "done").exists():
+    if not (folder / "model.safetensors").exists() or not (folder / "done").exists():
         command = ["train", "--config", "configs/m05-lite.yaml", "-o", folder, "--set", f"run.init={MODEL}", "optim.schedule=constant", f"optim.lr={args.lr}", "optim.ema_decay=0.99",
                    "optim.warmup_samples=320", "loss.lambda_warmup_samples=0", f"run.samples={args.samples}", "run.validation_samples=0", f"run.threads={args.threads}", *settings]
         run(args.program, *command, *(["--resume"] if (folder / "config.yaml").exists() else []))
         (folder / "done").touch()
-    return folder / "model.pt"
+    return folder / "model.safetensors"
 
 
 def main():

@@ -25,7 +25,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 import accuracy  # noqa: E402
 import results_readme  # noqa: E402
 
-MODEL = "models/m05-lite.pt"
+MODEL = "models/m05-lite.safetensors"
 KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
 RIGS = [f"configs/rig_{name}.yaml" for name in ("ring8", "arc8", "ring4", "irregular")]
 STATUSES = ["ok", "weak", "failed"]

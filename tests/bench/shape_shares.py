@@ -28,7 +28,7 @@ import any_boxes
 from cause_shares import fit, log_probability, quantiles
 from first_poses import SENSORS, SITUATIONS
 
-PAPER, MODEL = pathlib.Path("configs/structure.yaml"), "models/m05-lite.pt"
+PAPER, MODEL = pathlib.Path("configs/structure.yaml"), "models/m05-lite.safetensors"
 RIGHT_M, RIGHT_DEG = 0.15, 6
 # Columns of the program's output, for a pose and against it. What is measured is a part of the surface.
 SHARES = {"is it": (0, 1), "ends": (2, 3), "planes": (5, 6), "measured": (0, 4)}

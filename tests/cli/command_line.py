@@ -163,7 +163,7 @@ class CommandLine(InAFolder):
         self.assertIn("tripods:", self.expect("config show out/evaluation/rigs/ring4.yaml", 0))
         self.assertIn("refine:", self.expect("config show out/evaluation/options.yaml", 0))
         # Resolved configurations that have no file of their own.
-        for file, key in (("plan.svg", '"rig":'), ("scores.json", '"recipe of models/m05-lite.pt":')):
+        for file, key in (("plan.svg", '"rig":'), ("scores.json", '"recipe of models/m05-lite.safetensors":')):
             with open(os.path.join(self.folder, "out", file + ".command.yaml"), encoding="utf-8") as record:
                 self.assertIn("\n" + key + "\n  ", record.read())
         # Where LiveScan3D's points are has to be known.
@@ -231,7 +231,7 @@ class CommandLine(InAFolder):
         self.assertFalse(os.path.exists(os.path.join(self.folder, "run")))
         self.expect_error("export --model no.pt -o n.ts", "no.pt")
         self.assertFalse(os.path.exists(os.path.join(self.folder, "n.ts")))
-        evaluate = "evaluate --model models/m05-lite.pt -o eval "
+        evaluate = "evaluate --model models/m05-lite.safetensors -o eval "
         rigs = evaluate + "--rigs configs/rig_ring8.yaml "
         self.expect_error(evaluate, "--rig ", "--capture ")
         self.expect_error(rigs + "--seeds 9:3", "--seeds 9:3")
@@ -363,7 +363,7 @@ class CommandLine(InAFolder):
         self.assertIn("4 of 4 sensors placed", output)
         for command, part in (
             ("plan configs/rig_ring4.yaml --trials 2 --json", rb"trials, 1 of 2, about"),
-            ("validate --model models/m05-lite.pt --samples 16", rb"samples, \d+ of 16"),
+            ("validate --model models/m05-lite.safetensors --samples 16", rb"samples, \d+ of 16"),
             ("evaluate --rig configs/rig_ring4.yaml --seeds 1:3 -o evaluated", rb"captures, 1 of 2, about"),
             ("render --config configs/m05-lite.yaml --count 60 -o samples", rb"samples, \d+ of 60"),
         ):
@@ -383,7 +383,7 @@ class CommandLine(InAFolder):
             ("calibrate --capture capture/capture.json -o out", 4, "error_m"),
             (check, 4, "translation_m"),
             ("evaluate --rig configs/rig_ring4.yaml --seeds 7 -o evaluated", None, "refined_mm_median"),
-            ("validate --model models/m05-lite.pt --samples 16 -o scores.json", None, "miou"),
+            ("validate --model models/m05-lite.safetensors --samples 16 -o scores.json", None, "miou"),
             ("structure build configs/structure.yaml -o out.glb", 20, "exposed_centroid_x_m"),
             ("structure suggest '2x 500x400x300' --candidates 20 -o boxes.yaml", 4, "weakest_worst_m"),
             ("render --rig configs/rig_ring4.yaml -o again --force", 4, "structure_px"),
@@ -412,7 +412,7 @@ class CommandLine(InAFolder):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
         calibrate = "calibrate --capture capture/capture.json --no-report -o out "
         output = self.expect(calibrate, 0)
-        self.assertEqual(output.splitlines()[0], "model: models/m05-lite.pt, which knows paper_stack")
+        self.assertEqual(output.splitlines()[0], "model: models/m05-lite.safetensors, which knows paper_stack")
         self.assertIn("  network  ", output)
         output = self.expect(calibrate + "--model none", 0)
         self.assertEqual(output.splitlines()[0], "model: none, poses come from the structure's shape")
@@ -427,7 +427,7 @@ class CommandLine(InAFolder):
             output.splitlines()[0], "model: none, poses come from the structure's shape (the shipped model does not know other)"
         )
         # Asked for, it is taken.
-        self.expect(calibrate + "--structure other.yaml --model models/m05-lite.pt", 0, "model: models/m05-lite.pt\n")
+        self.expect(calibrate + "--structure other.yaml --model models/m05-lite.safetensors", 0, "model: models/m05-lite.safetensors\n")
         # A capture that names no structure.
         self.expect("init capture --depth-scale 0.001 -o bare.json", 0)
         bare = calibrate.replace("capture/capture.json", "bare.json")
@@ -435,7 +435,7 @@ class CommandLine(InAFolder):
         self.expect(bare + "--model none", 1, "--model none needs a structure", "--structure")
         os.makedirs(os.path.join(self.folder, "data", "configs"))
         shutil.copy(os.path.join(ROOT, "configs", "structure.yaml"), os.path.join(self.folder, "data", "configs"))
-        self.expect(calibrate + "--data-dir data", 0, "model: none, poses come from the structure's shape (models/m05-lite.pt is not there)")
+        self.expect(calibrate + "--data-dir data", 0, "model: none, poses come from the structure's shape (models/m05-lite.safetensors is not there)")
 
     def test_what_goes_wrong_is_said_in_a_line(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
@@ -469,7 +469,7 @@ class CommandLine(InAFolder):
             json.dump(good, file)
         self.expect("calibrate --capture capture/one.json -o out", 2, "S3 failed (wrong_units)", "set depth_scale to 0.001; it is 1")
         for name in ("capture/S1_depth.png", "capture/capture.json"):
-            self.expect(f"calibrate --capture capture/capture.json --model {name} -o x", 1, f"{name} is not a volalign checkpoint (.pt)")
+            self.expect(f"calibrate --capture capture/capture.json --model {name} -o x", 1, f"{name} is not a volalign checkpoint (.safetensors)")
         self.expect("init capture -o draft.json --sensor femto_bolt", 1, "femto_bolt is no kind of sensor", "orbbec_femto", "oak_d")
         self.expect("render --rig configs/rig_ring4.yaml -o x --set sensors[0].sensor=femto_bolt", 1, "femto_bolt", "orbbec_femto_bolt_nfov_binned")
         with open(os.path.join(self.folder, "metres.yaml"), "w", encoding="utf-8") as file:

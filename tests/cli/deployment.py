@@ -3,7 +3,7 @@
 
     tests/cli/deployment.py VOLALIGN [NAME]      (the program; a test, else all)
 
-The export writes what its options say; calibration with models/m05-lite.onnx gives the poses of models/m05-lite.pt; and the Python of
+The export writes what its options say; calibration with models/m05-lite.onnx gives the poses of models/m05-lite.safetensors; and the Python of
 docs/deployment.md, as it stands there, finds poses by PyPI's ONNX Runtime and numpy alone.
 """
 
@@ -85,30 +85,30 @@ class Deployment(unittest.TestCase):
         return os.path.join(folder, "capture.json")
 
     def test_export(self):
-        export = lambda name, *options, status=0: self.run_program("export", "--model", "models/m05-lite.pt", "-o", os.path.join(self.folder, name),
+        export = lambda name, *options, status=0: self.run_program("export", "--model", "models/m05-lite.safetensors", "-o", os.path.join(self.folder, name),
                                                                    *options, status=status)
-        for name, options in (("a.ts", ()), ("a.pt", ("--format", "torchscript")), ("a.onnx", ("--format", "onnx")), ("a.safetensors", ("--format", "safetensors"))):
+        for name, options in (("a.ts", ()), ("a.onnx", ("--format", "onnx"))):
             self.assertIn("written", export(name, *options))
             half = name.replace("a.", "half.")
             export(half, *options, "--precision", "fp16")
             whole, small = (os.path.getsize(os.path.join(self.folder, file)) for file in (name, half))
             self.assertTrue(0.45 < small / whole < 0.55, (name, whole, small))
-        for name, format_, ending in (("b.onnx", "torchscript", ".ts"), ("b.pt", "onnx", ".onnx"), ("b.pt", "safetensors", ".safetensors"), ("b", "onnx", ".onnx")):
+        for name, format_, ending in (("b.onnx", "torchscript", ".ts"), ("b.pt", "onnx", ".onnx"), ("b", "onnx", ".onnx")):
             self.assertIn(f"ends with {ending}", export(name, "--format", format_, status=1))
             self.assertFalse(os.path.exists(os.path.join(self.folder, name)))
 
     def test_calibration(self):
         poses = {}
-        for ending in ("pt", "onnx"):
+        for ending in ("safetensors", "onnx"):
             result = os.path.join(self.folder, "calibrated_" + ending)
             self.run_program("calibrate", "--capture", self.capture(), "--model", "models/m05-lite." + ending, "--initial", "network",
                              "--no-report", "-o", result)
             sensors = read_json(result, "extrinsics.json")["sensors"]
             poses[ending] = {name: sensor["structure_from_sensor"] for name, sensor in sensors.items()}
-        self.assertEqual(len(poses["pt"]), 8)
-        self.assertEqual(sorted(poses["pt"]), sorted(poses["onnx"]))
-        differences = [pose_difference(pose, poses["onnx"][name]) for name, pose in poses["pt"].items()]
-        print(f"{max(d[0] for d in differences) * 1000:.4f} mm, {max(d[1] for d in differences):.5f} deg at most between .pt and .onnx")
+        self.assertEqual(len(poses["safetensors"]), 8)
+        self.assertEqual(sorted(poses["safetensors"]), sorted(poses["onnx"]))
+        differences = [pose_difference(pose, poses["onnx"][name]) for name, pose in poses["safetensors"].items()]
+        print(f"{max(d[0] for d in differences) * 1000:.4f} mm, {max(d[1] for d in differences):.5f} deg at most between .safetensors and .onnx")
         for moved, turned in differences:
             self.assertLess(moved, 1e-4)
             self.assertLess(turned, 0.01)

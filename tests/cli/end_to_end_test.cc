@@ -36,7 +36,7 @@
 namespace volalign::end_to_end_test {
 namespace {
 
-constexpr char kModel[] = "models/m05-lite.pt";
+constexpr char kModel[] = "models/m05-lite.safetensors";
 
 /// The real frames have no licence to be shipped: a folder of their own, or none.
 std::filesystem::path CapturesFolder() {

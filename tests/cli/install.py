@@ -61,7 +61,7 @@ class Installed(unittest.TestCase):
         self.assertIn("everything is there", found)
         self.assertIn("loss:", self.volalign("config", "show", "configs/m05.yaml"))
         self.volalign("render", "--rig", "configs/rig_ring4.yaml", "-o", "capture")
-        self.volalign("calibrate", "--capture", "capture/capture.json", "--model", "models/m05-lite.pt", "-o", "out")
+        self.volalign("calibrate", "--capture", "capture/capture.json", "--model", "models/m05-lite.safetensors", "-o", "out")
         with open(os.path.join(self.work, "out", "extrinsics.json"), encoding="utf-8") as file:
             sensors = json.load(file)["sensors"]
         self.assertEqual([sensor["status"] for sensor in sensors.values()], ["ok"] * 4)

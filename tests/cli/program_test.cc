@@ -68,7 +68,7 @@ class Program : public testing::Test {
   }
 
   void ExpectCalibrateError(const std::string& capture, const std::vector<std::string>& parts,
-                            const std::string& model = "models/m05-lite.pt") {
+                            const std::string& model = "models/m05-lite.safetensors") {
     ExpectError(
         Volalign("calibrate --capture " + capture + " --model " + model + " -o " + Path("out")),
         parts);
@@ -170,7 +170,7 @@ TEST_F(Program, TrainsOnADatasetWithoutARenderer) {
   ::unsetenv("__EGL_VENDOR_LIBRARY_FILENAMES");
   ExpectError(blind, {"run.validation_dataset", "run.validation_samples=0"});
   EXPECT_EQ(run.status, 0) << run.output;
-  const CheckpointMeta meta = LoadCheckpoint(Path("run/model.pt")).meta;
+  const CheckpointMeta meta = LoadCheckpoint(Path("run/model.safetensors")).meta;
   EXPECT_EQ(meta.samples, 6);
   EXPECT_EQ(meta.network.base_channels, 2);
   EXPECT_EQ(meta.image_sizes, (std::vector<std::pair<int, int>>{{40, 36}}));
@@ -202,7 +202,7 @@ TEST_F(Program, ARunHoldsWhatItIsTrainedOnAndHowEachStartWasCalled) {
   EXPECT_NE(again.output.find("stack.yaml is not there"), std::string::npos) << again.output;
   EXPECT_NE(ReadFile(run + "/command-2.yaml").find("run.samples=3000"), std::string::npos);
   EXPECT_EQ(ReadFile(run + "/command.yaml").find("run.samples=3000"), std::string::npos);
-  EXPECT_EQ(Volalign("validate --samples 2 --model " + run + "/model.pt").status, 0);
+  EXPECT_EQ(Volalign("validate --samples 2 --model " + run + "/model.safetensors").status, 0);
   // So has another run of the same recipe.
   const Outcome other =
       Volalign("train --config " + run + "/config.yaml --set run.samples=2 -o " + Path("other"));
@@ -215,7 +215,7 @@ TEST_F(Program, ASuiteSaysWhichModelsItHasNotAndEndsWithStatusTwo) {
       "methods: [{name: a, model: nowhere/a.pt}, {name: b, model: ";
   WriteFileAtomically(Path("none.yaml"), methods + "nowhere/b.pt}]\n");
   WriteFileAtomically(Path("some.yaml"),
-                      methods + fs::absolute("models/m05-lite.pt").string() + "}]\n");
+                      methods + fs::absolute("models/m05-lite.safetensors").string() + "}]\n");
   const std::string suite = "evaluate --suite all -o " + Path("suite") + " --suite-config ";
   ExpectError(Volalign(suite + Path("none.yaml")), {"a (", "nowhere/a.pt", "data folder"});
   const Outcome some = Volalign(suite + Path("some.yaml"));
@@ -239,7 +239,7 @@ constexpr double kExact = 0.0007;
 TEST_F(Program, CalibratesACaptureFromFiles) {
   const Outcome run = Volalign(
       "calibrate --capture " + WriteSmallCapture() +
-      " --model models/m05-lite.pt --set refine.max_overlap_points=3999 -o " + Path("out"));
+      " --model models/m05-lite.safetensors --set refine.max_overlap_points=3999 -o " + Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
   const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
@@ -302,7 +302,7 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
   const std::string captures =
       Path("stills/placement_1/capture.json") + " " + Path("stills/placement_2/capture.json");
   const Outcome run = Volalign("calibrate --capture " + captures +
-                               " --model models/m05-lite.pt -o " + Path("several"));
+                               " --model models/m05-lite.safetensors -o " + Path("several"));
   EXPECT_EQ(run.status, 0) << run.output;
   EXPECT_NE(run.output.find("in placement_2: the stack stood +0.3"), std::string::npos)
       << run.output;
@@ -324,7 +324,7 @@ TEST_F(Program, CalibratesCapturesOfSeveralPlacements) {
   // The same picture twice is no second placement.
   const std::string twice = Path("stills/placement_1/capture.json");
   const Outcome refused = Volalign("calibrate --capture " + twice + " " + twice +
-                                   " --model models/m05-lite.pt -o " + Path("twice"));
+                                   " --model models/m05-lite.safetensors -o " + Path("twice"));
   EXPECT_EQ(refused.status, 1);
   EXPECT_NE(refused.output.find("same depth map"), std::string::npos) << refused.output;
 }
@@ -333,7 +333,7 @@ TEST_F(Program, ASensorThatFailsGivesStatus2) {
   const std::string capture = WriteSmallCapture();
   WritePng(Path("capture/B_depth.png"), Image16(320, 180));
   const Outcome run = Volalign("calibrate --no-report --capture " + capture +
-                               " --model models/m05-lite.pt -o " + Path("out"));
+                               " --model models/m05-lite.safetensors -o " + Path("out"));
   EXPECT_EQ(run.status, 2) << run.output;
   EXPECT_FALSE(std::filesystem::exists(Path("out/report.html")));
   EXPECT_FALSE(std::filesystem::exists(Path("out/rig.glb")));
@@ -354,8 +354,8 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
   ExpectCalibrateError(Path("nowhere.json"), {"nowhere.json", "No such file", "capture.json"});
   ExpectCalibrateError(Path("capture"), {"is a folder", "capture.json"});
   WriteFileAtomically(Path("taken"), "x");
-  ExpectError(Volalign("calibrate --capture " + capture + " --model models/m05-lite.pt -o " +
-                       Path("taken")),
+  ExpectError(Volalign("calibrate --capture " + capture +
+                       " --model models/m05-lite.safetensors -o " + Path("taken")),
               {"taken", "choose another"});
 
   nlohmann::json bad = good;
@@ -390,7 +390,7 @@ TEST_F(Program, BadCapturesAreOneLineErrors) {
 TEST_F(Program, EvaluatesRigsAndCaptures) {
   const std::string capture = WriteSmallCapture();
   const std::string command =
-      "evaluate --model models/m05-lite.pt --rigs " + Path("rig.yaml") +
+      "evaluate --model models/m05-lite.safetensors --rigs " + Path("rig.yaml") +
       " --sensors azure_kinect_nfov_binned realsense_d415 --seeds 5:7 --captures " + capture +
       " --compare refine.box_sigma_deg=0.5,0.6 -o " + Path("eval");
   const Outcome first = Volalign(command);
@@ -427,7 +427,7 @@ TEST_F(Program, BadModelsAreOneLineErrors) {
   const std::string capture = WriteSmallCapture();
   ExpectCalibrateError(capture, {"no.pt", "No such file"}, Path("no.pt"));
 
-  WriteFileAtomically(Path("bad.pt"), ReadFile("models/m05-lite.pt").substr(0, 100000));
+  WriteFileAtomically(Path("bad.pt"), ReadFile("models/m05-lite.safetensors").substr(0, 100000));
   ExpectCalibrateError(capture, {"bad.pt"}, Path("bad.pt"));
 
   // A checkpoint of another structure: the capture's has one box more.
@@ -470,7 +470,7 @@ std::vector<std::pair<std::string, std::string>> FolderCommands(const std::strin
                          folder + "/capture/structure.yaml --no-report"},
       {"converted", "convert " + folder + "/calibrated/extrinsics.json --to colmap"},
       {"rendered", "render --force --rig " + folder + "/rig.yaml"},
-      {"evaluated", "evaluate --model models/m05-lite.pt --rig " + folder + "/rig.yaml --seeds 5"}};
+      {"evaluated", "evaluate --model models/m05-lite.safetensors --rig " + folder + "/rig.yaml --seeds 5"}};
 }
 
 TEST_F(Program, NoCommandWritesIntoAFolderThatAnotherOneWritesInto) {
@@ -531,7 +531,7 @@ std::map<std::string, std::string> Contents(const fs::path& path) {
 TEST_F(Program, AFullDiskLeavesTheEarlierResult) {
   WriteSmallCapture();
   auto commands = FolderCommands(folder_.path().string());
-  commands.emplace_back("m.onnx", "export --model models/m05-lite.pt --format onnx");
+  commands.emplace_back("m.onnx", "export --model models/m05-lite.safetensors --format onnx");
   commands.emplace_back("p.csv", "convert " + Path("calibrated/extrinsics.json") + " --to csv");
   for (const auto& [name, command] : commands) {
     SCOPED_TRACE(command);

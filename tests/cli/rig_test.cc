@@ -37,7 +37,7 @@ TEST_F(RigCommands, CheckFindsWhatMovedAndUpdatesIt) {
                           "placements:\n  - {x_cm: 30, z_cm: -20, yaw_deg: 60, moved: [{sensor: B, "
                           "translation_mm: [30, 40, 0], rotation_deg: [0, 2, 0]}]}\n");
   ASSERT_EQ(Volalign("render --rig " + Path("rig.yaml") + " -o " + Path("stills")).status, 0);
-  const std::string model = " --model models/m05-lite.pt ";
+  const std::string model = " --model models/m05-lite.safetensors ";
   ASSERT_EQ(Volalign("calibrate --capture " + Path("stills/placement_1/capture.json") + model +
                      "-o " + Path("last"))
                 .status,

@@ -88,7 +88,7 @@ class Stopped : public testing::Test {
 };
 
 TEST_F(Stopped, EveryCommandSaysSoAndEndsWithTheSignalsStatus) {
-  const std::string model = " --model models/m05-lite.pt ", result = " -o " + In("result");
+  const std::string model = " --model models/m05-lite.safetensors ", result = " -o " + In("result");
   const std::vector<std::string> commands = {
       "render --rig " + In("rig.yaml") + result,
       "render --config configs/m05-lite.yaml --count 20" + result,
@@ -154,7 +154,7 @@ TEST_F(Stopped, WhatIsKilledLeavesAWholeResultOrNone) {
     std::string name, last, arguments;
   };
   const std::vector<Case> cases = {
-      {"result.onnx", "", "export --model models/m05-lite.pt --format onnx -o "},
+      {"result.onnx", "", "export --model models/m05-lite.safetensors --format onnx -o "},
       {"colmap", "command.yaml",
        "convert " + In("calibration/extrinsics.json") + " --to colmap -o "},
       {"rendered", "capture.json", "render --rig " + In("rig.yaml") + " --force -o "},
@@ -198,7 +198,7 @@ nlohmann::json Scores(nlohmann::json json) {
 
 TEST_F(Stopped, AnEvaluationThatIsKilledGoesOn) {
   const std::string command =
-      "evaluate --model models/m05-lite.pt --rig " + In("rig.yaml") + " --seeds 5:7 -o ";
+      "evaluate --model models/m05-lite.safetensors --rig " + In("rig.yaml") + " --seeds 5:7 -o ";
   const double seconds = ExpectEnds(command + In("whole"));
   const auto read = [&](const std::string& name) {
     return Scores(nlohmann::json::parse(ReadFile(folder_ / name / "evaluation.json")));

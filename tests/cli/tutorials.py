@@ -265,7 +265,7 @@ class Tutorials(unittest.TestCase):
 
     def test_retrain(self):
         self.run_page("docs/retrain.md")
-        self.expect_files("preview/preview.png", "runs/m03/model.pt", "evaluated/evaluation.json")
+        self.expect_files("preview/preview.png", "runs/m03/model.safetensors", "evaluated/evaluation.json")
 
     def test_placements(self):
         self.run_page("docs/placements.md")
@@ -293,7 +293,7 @@ class Tutorials(unittest.TestCase):
         self.write("sweep.yaml", textwrap.dedent(sweep).replace("seeds: [1, 2, 3]", "seeds: [1]"))
         self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
         self.run_page("docs/training.md", "frames")
-        self.expect_files("runs/m05-lite/model.pt", "runs/sweep/summary.csv", "runs/a/model.pt", "out/preview/preview.png")
+        self.expect_files("runs/m05-lite/model.safetensors", "runs/sweep/summary.csv", "runs/a/model.safetensors", "out/preview/preview.png")
 
 
 if __name__ == "__main__":

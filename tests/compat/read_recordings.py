@@ -65,7 +65,7 @@ def main():
 
         volalign("init", "recordings")
         for name in ("files", "recordings"):
-            arguments = ["--model", "models/m05-lite.pt", "-o", "out_" + name]
+            arguments = ["--model", "models/m05-lite.safetensors", "-o", "out_" + name]
             volalign("calibrate", "--capture", name + "/capture.json", *arguments)
         poses = []
         for name in ("files", "recordings"):

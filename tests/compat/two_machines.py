@@ -58,7 +58,7 @@ def main():
             for name in NAMES:
                 subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
         subprocess.run([*train(program, f"{folder}/one"), "--nproc", "2"], check=True, capture_output=True)
-        weights = [open(f"{folder}/{run}/model.pt", "rb").read() for run in ("one", "two")]
+        weights = [open(f"{folder}/{run}/model.safetensors", "rb").read() for run in ("one", "two")]
         assert weights[0] == weights[1], "two machines give other weights than two processes of one"
     print("two machines: the same weights")
 

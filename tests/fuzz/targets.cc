@@ -16,7 +16,7 @@
 #include "core/geometry/rig.h"
 #include "core/geometry/structure.h"
 #include "core/model/checkpoint_meta.h"
-#include "core/nn/tensor_archive.h"
+#include "core/nn/safetensors.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/formats/depth_file.h"
@@ -26,7 +26,6 @@
 #include "infer/report/extrinsics.h"
 #include "infer/segment_onnx/onnx_network.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/core/nn/zip.h"
 
 // libebml 1.4 loses an element where it meets an outer part's inside another one, which cannot be
 // told from one that another element owns; libmatroska 1.7 loses the frames of a damaged block.
@@ -65,21 +64,13 @@ void ReadBy(RecordingReader* read, const std::string& name, const std::string& b
   read(path, path.string(), 2, &budget);
 }
 
-/// Room for the tensors of a pickle.
-std::string ArchiveOf(const std::string& pickle) {
-  return Zip({{"archive/data.pkl", pickle},
-              {"archive/data/0", std::string(24, '\0')},
-              {"archive/data/1", std::string(16, '\0')}});
-}
-
 }  // namespace
 
 const std::vector<FuzzTarget>& FuzzTargets() {
   using Bytes = const std::string&;
   using formats_internal::DecodeExr, formats_internal::DecodeNpy, formats_internal::DecodeTiff;
   static const std::vector<FuzzTarget> targets = {
-      {"archive", [](Bytes bytes) { ReadTensorArchive(bytes); }},
-      {"pickle", [](Bytes bytes) { ReadTensorArchive(ArchiveOf(bytes)); }},
+      {"safetensors", [](Bytes bytes) { ReadSafetensors(bytes); }},
       {"metadata", [](Bytes bytes) { MetaFromJson(bytes); }},
       {"onnx", [](Bytes bytes) { ReadOnnxNetwork(bytes); }},
       {"tiff", [](Bytes bytes) { DecodeTiff(bytes, "file"); }},

@@ -122,12 +122,12 @@ class Libraries(unittest.TestCase):
         for word in ('kind: "dilated"', 'model: "quadratic"', 'terms: ["dice"]'):
             self.assertIn(word, recipe)
         run(f"train --config {source}/recipe.yaml -o run --resume")
-        self.assertIn("64", run("validate --model run/model.pt --samples 8"))
+        self.assertIn("64", run("validate --model run/model.safetensors --samples 8"))
         run("render --rig configs/rig_ring4.yaml -o capture")
         # So short a training need not place every sensor.
-        run("calibrate --capture capture/capture.json --model run/model.pt --no-report -o result", 0, 2)
-        self.assertIn("run/model.pt", text_of(os.path.join(empty, "result", "extrinsics.json")))
-        self.assertIn("a network of kind 'dilated' cannot be exported", run("export --model run/model.pt --format onnx -o net.onnx", 1))
+        run("calibrate --capture capture/capture.json --model run/model.safetensors --no-report -o result", 0, 2)
+        self.assertIn("run/model.safetensors", text_of(os.path.join(empty, "result", "extrinsics.json")))
+        self.assertIn("a network of kind 'dilated' cannot be exported", run("export --model run/model.safetensors --format onnx -o net.onnx", 1))
 
     def test_headers_need_no_flag_and_nothing_that_is_not_installed(self):
         # LibTorch's own headers are not to be had here.

@@ -31,7 +31,7 @@ def main(volalign, folder, note=NOTE):
     capture, output = os.path.join(folder, "capture"), os.path.join(folder, "calibration")
     subprocess.run([volalign, "render", "--rig", "configs/rig_ring4.yaml", "--force", "-o", capture], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     write_blank_depth(os.path.join(capture, f"{BLIND}_depth.png"), 320, 288)
-    run = subprocess.run([volalign, "calibrate", "--model", "models/m05-lite.pt", "--capture", os.path.join(capture, "capture.json"), "-o", output, "--note", note], cwd=ROOT)
+    run = subprocess.run([volalign, "calibrate", "--model", "models/m05-lite.safetensors", "--capture", os.path.join(capture, "capture.json"), "-o", output, "--note", note], cwd=ROOT)
     if run.returncode != 2:
         sys.exit(f"calibrate ended with {run.returncode}; with a blind sensor 2 is expected")
 

@@ -169,7 +169,7 @@ class ReportPage(unittest.TestCase):
             self.assertIn(f"{1000 * pair['sigma_m']:.1f}", known)
             if "rms_m" in pair:
                 self.assertIn(f"{1000 * pair['predicted_rms_m']:.1f}", known)
-        self.assertIn("calibrate --model models/m05-lite.pt", self.text("#run"))
+        self.assertIn("calibrate --model models/m05-lite.safetensors", self.text("#run"))
 
     def test_a_sensor_in_doubt_is_not_called_usable(self):
         report = json.loads(json.dumps(self.report))

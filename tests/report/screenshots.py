@@ -62,7 +62,7 @@ def shoot(browser, url, name, width, height=900, scale=1, mobile=False, paper=Fa
 
 def main(volalign, folder):
     ok, row = os.path.join(folder, "four"), os.path.join(folder, "row")
-    model = ("--model", "models/m05-lite.pt")
+    model = ("--model", "models/m05-lite.safetensors")
     render(volalign, "configs/rig_ring4.yaml", ok)
     whole = calibrate(volalign, ok, os.path.join(folder, "four_calibration"), *model)
     make_report.main(volalign, os.path.join(folder, "blind"), "S4's lens was covered; S2 stands on the new tripod")

@@ -151,7 +151,8 @@ TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
       }
     }
     ++runs;
-    for (const char* file : {"states/000000000060.state", "model.pt", "best.pt"}) {
+    for (const char* file :
+         {"states/000000000060.state", "model.safetensors", "best.safetensors"}) {
       EXPECT_TRUE(ReadFile(run_dir / file) == ReadFile(folder / "whole" / file))
           << file << " of run " << runs << " after " << done << " kills";
     }

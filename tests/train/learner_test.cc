@@ -122,7 +122,7 @@ class StartFromTest : public testing::Test {
 
   Structure structure_ = ReadStructure("configs/structure.yaml");
   TempFolder folder_;
-  std::string path_ = (folder_ / "model.pt").string();
+  std::string path_ = (folder_ / "model.safetensors").string();
   at::Tensor weights_;
 };
 

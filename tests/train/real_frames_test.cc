@@ -266,7 +266,7 @@ TEST_F(ACalibration, HasACheckpointScoredOnItsFrames) {
   config.data.image_sizes = {"80x72"};
   config.data.sensors = {"azure_kinect_nfov_binned"};
   config.data.real.validation = {Write()};
-  LoadedModel model = LoadCheckpoint("models/m05-lite.pt");
+  LoadedModel model = LoadCheckpoint("models/m05-lite.safetensors");
   const ValidationResult result = ValidateCheckpoint(model, config, 1000);
   ASSERT_EQ(result.samples, 1);
   EXPECT_EQ(result.scores.at(0).sensor, "azure_kinect_nfov_binned");

@@ -135,7 +135,7 @@ TEST_F(Resumed, ARunDoesNotGoOnWithAnotherStack) {
 TEST_F(Resumed, ARunOfAnEarlierVersionHasItsModelsStack) {
   fs::remove(run_ / "structure.yaml");
   folder_.Write("stack.yaml", longer_);
-  ExpectError<ConfigError>([&] { Train(); }, {"data.structure = ", "model.pt"});
+  ExpectError<ConfigError>([&] { Train(); }, {"data.structure = ", "model.safetensors"});
   folder_.Write("stack.yaml", stack_);
   EXPECT_TRUE(Train().finished);
   EXPECT_TRUE(fs::exists(run_ / "structure.yaml"));
@@ -158,7 +158,7 @@ TEST_F(Resumed, SaysThatItBeginsBeforeItWritesTheRecipe) {
 }
 
 TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStack) {
-  LoadedModel model = LoadCheckpoint(run_ / "model.pt");
+  LoadedModel model = LoadCheckpoint(run_ / "model.safetensors");
   config_.data.image_sizes = {"64x36"};
   config_.data.renderer = "cpu";
   config_.run.batch_size = 1;

@@ -159,8 +159,8 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
       EXPECT_LT(Difference(run / kLast, folder / "one" / kLast), 2e-4);
     }
     // Cameras that other processes have seen are in the checkpoint.
-    EXPECT_EQ(LoadCheckpoint(run / "model.pt").meta.focal_px,
-              LoadCheckpoint(folder / "one" / "model.pt").meta.focal_px);
+    EXPECT_EQ(LoadCheckpoint(run / "model.safetensors").meta.focal_px,
+              LoadCheckpoint(folder / "one" / "model.safetensors").meta.focal_px);
   }
 }
 INSTANTIATE_TEST_SUITE_P(Normalization, Together, testing::Values("none", "group"));

@@ -37,7 +37,7 @@ inline TrainConfig ParityConfig(const std::vector<std::string>& settings) {
   source.Set("data.renderer=cpu");
   source.Set("loss.lambda_warmup_samples=0");
   source.Set("run.validation_samples=0");
-  source.Set("run.init=models/m05-lite.pt");
+  source.Set("run.init=models/m05-lite.safetensors");
   for (const std::string& setting : settings) source.Set(setting);
   return ReadTrainConfig(source);
 }

@@ -152,8 +152,8 @@ TEST(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
   // The shipped weights are the same, too, and so is their validation.
   EXPECT_EQ(Rows(folder / "whole", "validation").back().at("loss_seg"),
             Rows(folder / "parts", "validation").back().at("loss_seg"));
-  const TensorFile x = ReadTensorFile(folder / "whole" / "model.pt", kCheckpointFormat);
-  const TensorFile y = ReadTensorFile(folder / "parts" / "model.pt", kCheckpointFormat);
+  const TensorFile x = ReadTensorFile(folder / "whole" / "model.safetensors", kCheckpointFormat);
+  const TensorFile y = ReadTensorFile(folder / "parts" / "model.safetensors", kCheckpointFormat);
   for (const auto& [name, tensor] : x.tensors)
     EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
 }
@@ -241,9 +241,10 @@ TEST(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
   EXPECT_EQ(Names(folder / "run" / "states"),
             (std::vector<std::string>{"000000000070.state", "000000000080.state"}));
   EXPECT_EQ(Names(folder / "run"),
-            (std::vector<std::string>{"best.pt", "config.yaml", "intrinsics.yaml", "metrics.jsonl",
-                                      "model.pt", "states", "structure.yaml", "tensorboard"}));
-  for (const char* name : {"best.pt", "model.pt"}) {
+            (std::vector<std::string>{"best.safetensors", "config.yaml", "intrinsics.yaml",
+                                      "metrics.jsonl", "model.safetensors", "states",
+                                      "structure.yaml", "tensorboard"}));
+  for (const char* name : {"best.safetensors", "model.safetensors"}) {
     const auto a = ReadTensorFile(folder / "whole" / name, kCheckpointFormat).tensors;
     const auto b = ReadTensorFile(folder / "run" / name, kCheckpointFormat).tensors;
     for (const auto& [tensor, value] : a) EXPECT_TRUE(value.equal(b.at(tensor))) << tensor;
@@ -275,8 +276,8 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
     if (lr < 0.01) {
       EXPECT_EQ(at, 10);
     }
-    EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.pt").meta.samples, at);
-    EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 80);
+    EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.safetensors").meta.samples, at);
+    EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.safetensors").meta.samples, 80);
   }
 }
 
@@ -291,7 +292,7 @@ TEST(Trainer, ValidatesOnHeldOutFramesWhereNoSampleIsRenderedForIt) {
   const TrainResult result = TrainOn(data, config, Options(folder / "run"));
   EXPECT_EQ(result.validation.samples, 2);
   EXPECT_EQ(Rows(folder / "run", "validation").size(), 1u);
-  EXPECT_TRUE(std::filesystem::exists(folder / "run" / "best.pt"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "run" / "best.safetensors"));
 }
 
 // So is a short trial of a recipe: its beginning.
@@ -511,7 +512,7 @@ TEST(Trainer, StopsCleanlyOnASignal) {
   const TrainResult result = TrainOn(data, TinyConfig(), Options(folder / "run"));
   EXPECT_FALSE(result.finished);
   EXPECT_EQ(result.samples, 6);
-  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 6);
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.safetensors").meta.samples, 6);
 }
 
 /// Raises a signal while a batch of the number `at`, from 1, is drawn.
@@ -568,7 +569,7 @@ TEST(Trainer, StopsWithinAValidation) {
   options.resume = true;
   result = TrainOn(data, config, options);
   EXPECT_TRUE(result.finished);
-  for (const char* file : {"states/000000000008.state", "best.pt"})
+  for (const char* file : {"states/000000000008.state", "best.safetensors"})
     EXPECT_TRUE(ReadFile(folder / "run" / file) == ReadFile(folder / "whole" / file)) << file;
   EXPECT_EQ(Rows(folder / "run", "validation"), Rows(folder / "whole", "validation"));
   // In the last validation, too: the run is not finished then.
@@ -655,7 +656,7 @@ TEST(Trainer, SkipsAStepThatIsNotFinite) {
   }
   EXPECT_EQ(skipped, 2);
   EXPECT_EQ(Rows(folder / "run", "train").back().at("step"), 38);
-  const LoadedModel model = LoadCheckpoint(folder / "run" / "model.pt");
+  const LoadedModel model = LoadCheckpoint(folder / "run" / "model.safetensors");
   for (const at::Tensor& t : model.net->parameters())
     EXPECT_TRUE(at::isfinite(t).all().item<bool>());
   for (const at::Tensor& t : model.net->buffers()) EXPECT_TRUE(at::isfinite(t).all().item<bool>());
@@ -667,7 +668,7 @@ TEST(Trainer, StopsWhereNoStepIsFinite) {
   config.model.input = "depth";
   ExpectError<Error>([&] { TrainOn(Poisoned(15, 15), config, Options(folder / "run")); },
                      {"step 15", "states/000000000026.state", "optim.lr"});
-  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.pt").meta.samples, 26);
+  EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.safetensors").meta.samples, 26);
 }
 
 /// As a device whose memory is short: once it is armed, the next request of this thread for more

@@ -72,8 +72,8 @@ void RunFolder::BeginAfter(std::int64_t samples) const {
   RemoveTemporaries(dir_ / "states");
   for (const std::filesystem::path& file : FilesIn(dir_)) {
     const std::string name = file.filename().string();
-    for (const char* own : {"command", "config.yaml", "metrics.jsonl", "model.pt", "best.pt",
-                            "structure.", "intrinsics.yaml"}) {
+    for (const char* own : {"command", "config.yaml", "metrics.jsonl", "model.safetensors",
+                            "best.safetensors", "structure.", "intrinsics.yaml"}) {
       if (name.rfind(own, 0) == 0 && name.find(".tmp-") != std::string::npos)
         std::filesystem::remove(file, ignored);
     }

@@ -21,8 +21,8 @@ class RunFolder {
   std::filesystem::path config() const { return dir_ / "config.yaml"; }
   std::filesystem::path metrics() const { return dir_ / "metrics.jsonl"; }
   std::filesystem::path tensorboard() const { return dir_ / "tensorboard"; }
-  std::filesystem::path model() const { return dir_ / "model.pt"; }
-  std::filesystem::path best() const { return dir_ / "best.pt"; }
+  std::filesystem::path model() const { return dir_ / "model.safetensors"; }
+  std::filesystem::path best() const { return dir_ / "best.safetensors"; }
   /// Of the state after so many samples.
   std::filesystem::path State(std::int64_t samples) const;
 

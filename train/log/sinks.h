@@ -38,7 +38,7 @@ class JsonlSink : public MetricSink {
 class ProgressSink : public MetricSink {
  public:
   /// Of a run of `total` samples.
-  explicit ProgressSink(std::int64_t total) : total_(total), line_(true) {}
+  explicit ProgressSink(std::int64_t total) : total_(total) { line_.Begin("training"); }
   void Train(const TrainRow& row) override;
   void Validation(const ValidationRow& row) override;
   void Line(const std::string& text);

@@ -23,8 +23,8 @@ def test_messages_are_the_programs(capture, tmp_path):
     (tmp_path / "bad.json").write_text("{")
     with pytest.raises(volalign.DataError, match="bad.json"):
         volalign.Capture.load(tmp_path / "bad.json")
-    with pytest.raises(volalign.ConfigError, match="volalign export --model models/m05-lite.pt --format onnx"):
-        volalign.calibrate(capture, model="models/m05-lite.pt")
+    with pytest.raises(volalign.ConfigError, match="volalign export --model models/m05-lite.safetensors --format onnx"):
+        volalign.calibrate(capture, model="models/m05-lite.safetensors")
     with pytest.raises(volalign.ConfigError, match="nonsense"):
         volalign.convert("out/extrinsics.json", "nonsense", tmp_path / "x")
 

@@ -16,8 +16,9 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/provenance.h"
+#include "core/nn/safetensors.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/core/nn/zip.h"
+#include "tests/core/nn/run_check.h"
 
 namespace volalign::checkpoint_test {
 namespace {
@@ -64,7 +65,7 @@ class CheckpointTest : public testing::Test {
 };
 
 TEST_F(CheckpointTest, RoundTripsNetworkAndMetadata) {
-  const fs::path path = folder_ / "a.pt";
+  const fs::path path = folder_ / "a.safetensors";
   meta_.renderer = "a renderer";
   SaveCheckpoint(path, net_, meta_, /*half=*/false);
   LoadedModel model = LoadCheckpoint(path);
@@ -88,10 +89,11 @@ TEST_F(CheckpointTest, RoundTripsNetworkAndMetadata) {
 }
 
 TEST_F(CheckpointTest, HalfHalvesTheWeightsAndKeepsTheStatistics) {
-  SaveCheckpoint(folder_ / "full.pt", net_, meta_, false);
-  SaveCheckpoint(folder_ / "half.pt", net_, meta_, true);
-  EXPECT_LT(fs::file_size(folder_ / "half.pt"), 0.75 * fs::file_size(folder_ / "full.pt"));
-  const LoadedModel model = LoadCheckpoint(folder_ / "half.pt");
+  SaveCheckpoint(folder_ / "full.safetensors", net_, meta_, false);
+  SaveCheckpoint(folder_ / "half.safetensors", net_, meta_, true);
+  EXPECT_LT(fs::file_size(folder_ / "half.safetensors"),
+            0.75 * fs::file_size(folder_ / "full.safetensors"));
+  const LoadedModel model = LoadCheckpoint(folder_ / "half.safetensors");
   const auto saved = net_->named_parameters();
   for (const auto& item : model.net->named_parameters()) {
     ASSERT_EQ(item.value().scalar_type(), at::kFloat);
@@ -108,11 +110,11 @@ TEST_F(CheckpointTest, HalfHalvesTheWeightsAndKeepsTheStatistics) {
 }
 
 TEST_F(CheckpointTest, RefusesTruncatedChangedAndForeignFiles) {
-  const fs::path good = folder_ / "good.pt";
+  const fs::path good = folder_ / "good.safetensors";
   SaveCheckpoint(good, net_, meta_, false);
   const std::string bytes = ReadFile(good);
 
-  const fs::path bad = folder_ / "bad.pt";
+  const fs::path bad = folder_ / "bad.safetensors";
   for (std::size_t size :
        {std::size_t{0}, std::size_t{3}, std::size_t{100}, bytes.size() / 2, bytes.size() - 1}) {
     WriteFileAtomically(bad, bytes.substr(0, size));
@@ -125,7 +127,7 @@ TEST_F(CheckpointTest, RefusesTruncatedChangedAndForeignFiles) {
     WriteFileAtomically(bad, changed);
     try {
       const LoadedModel model = LoadCheckpoint(bad);
-      // Padding between the records carries nothing: then the network must be the saved one.
+      // Padding behind the header carries nothing: then the network must be the saved one.
       const auto saved = net_->named_parameters();
       for (const auto& item : model.net->named_parameters()) {
         ASSERT_TRUE(item.value().equal(saved[item.key()])) << at;
@@ -137,41 +139,66 @@ TEST_F(CheckpointTest, RefusesTruncatedChangedAndForeignFiles) {
   for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = static_cast<char>((i * 7919) >> 3);
   WriteFileAtomically(bad, noise);
   LoadError<DataError>(bad);
-  WriteFileAtomically(bad, "PK\x03\x04" + noise);
-  LoadError<DataError>(bad);
-  LoadError<IoError>(folder_ / "missing.pt");
+  LoadError<IoError>(folder_ / "missing.safetensors");
 }
 
-TEST_F(CheckpointTest, RefusesOtherPicklesWithoutRunningThem) {
-  const fs::path bad = folder_ / "list.pt";
-  const std::vector<char> list = torch::jit::pickle_save(c10::IValue(std::int64_t{42}));
-  WriteFileAtomically(bad, std::string_view(list.data(), list.size()));
-  LoadError<DataError>(bad);
-
-  // What makes LibTorch's own unpickler take values from before its stack, or recurse.
-  for (const std::string& pickle :
-       {std::string(")R."), std::string("\x85."), std::string("R."), std::string("b"),
-        std::string("Q."), ")" + std::string(3000000, '\x85') + ".",
-        std::string("cos\nsystem\n(X\x04\x00\x00\x00truetR.", 24), std::string("(e."),
-        std::string("h\xff.")}) {
-    WriteFileAtomically(
-        bad, Zip({{"archive/data.pkl", "\x80\x02" + pickle}, {"archive/version", "3\n"}}), false);
-    LoadError<DataError>(bad);
-  }
-  WriteFileAtomically(bad, Zip({{"archive/data.pkl", "\x80\x02}."}}, /*method=*/8), false);
-  EXPECT_NE(LoadError<DataError>(bad).find("compressed"), std::string::npos);
-
+TEST_F(CheckpointTest, RefusesOtherFormats) {
+  const fs::path bad = folder_ / "bad.safetensors";
   WriteTensorFile(bad, {"volalign.checkpoint/999", "{}", {}});
   EXPECT_NE(LoadError<DataError>(bad).find("volalign.checkpoint/999"), std::string::npos);
   WriteTensorFile(bad, {kCheckpointFormat, "{}", {}});
   EXPECT_NE(LoadError<DataError>(bad).find("metadata"), std::string::npos);
+  WriteFileAtomically(bad, WriteSafetensors({{{"format", "pt"}}, {{"a", at::zeros({2})}}}));
+  EXPECT_NE(LoadError<DataError>(bad).find("it has no volalign.json"), std::string::npos);
+}
+
+/// A file as earlier versions wrote it.
+void WritePickle(const fs::path& path, const TensorFile& file, const std::string& digest) {
+  c10::Dict<std::string, at::Tensor> tensors;
+  for (const auto& [name, tensor] : file.tensors) tensors.insert(name, tensor);
+  c10::impl::GenericDict dict(c10::StringType::get(), c10::AnyType::get());
+  dict.insert("format", file.format);
+  dict.insert("meta", file.meta);
+  dict.insert("digest", digest);
+  dict.insert("tensors", tensors);
+  const std::vector<char> bytes = torch::jit::pickle_save(dict);
+  WriteFileAtomically(path, std::string_view(bytes.data(), bytes.size()));
+}
+
+int Convert(const fs::path& from, const fs::path& to) {
+  return testing_nn::RunCheck(VOLALIGN_PYTHON, "packaging/convert_checkpoint.py " + from.string(),
+                              to);
+}
+
+TEST_F(CheckpointTest, ConvertsThePicklesOfEarlierVersions) {
+  const fs::path old = folder_ / "old.pt", converted = folder_ / "new.safetensors",
+                 saved = folder_ / "saved.safetensors";
+  SaveCheckpoint(saved, net_, meta_, /*half=*/true);
+  const TensorFile file = ReadTensorFile(saved, kCheckpointFormat);
+  const std::string digest = ReadSafetensors(ReadFile(saved)).texts.at("digest");
+  WritePickle(old, {"volalign.checkpoint/1", file.meta, file.tensors}, digest);
+  EXPECT_NE(LoadError<DataError>(old).find("packaging/convert_checkpoint.py"), std::string::npos);
+  ASSERT_EQ(Convert(old, converted), 0);
+  EXPECT_TRUE(ReadFile(converted) == ReadFile(saved));
+
+  // A state, over itself.
+  const fs::path state = folder_ / "0.state", written = folder_ / "1.state";
+  WriteTensorFile(written, {"volalign.training/2", R"({"best": {"since": 1, "value": 2}})", {}});
+  WritePickle(state, {"volalign.training/2", R"({"best": {"since": 1, "value": 2}})", {}},
+              ReadSafetensors(ReadFile(written)).texts.at("digest"));
+  ASSERT_EQ(Convert(state, state), 0);
+  EXPECT_EQ(ReadTensorFile(state, "volalign.training/3").meta, R"({"best": {"value": 2}})");
+
+  WritePickle(old, {"volalign.checkpoint/1", file.meta, {}}, digest);
+  EXPECT_NE(Convert(old, folder_ / "damaged.safetensors"), 0);
+  EXPECT_FALSE(fs::exists(folder_ / "damaged.safetensors"));
 }
 
 // The shipped models' metadata were written field by field: the same keys and values come back.
 TEST_F(CheckpointTest, WritesTheMetadataThatItReads) {
-  std::vector<fs::path> paths = {"models/m05-lite.pt"};
+  std::vector<fs::path> paths = {"models/m05-lite.safetensors"};
   for (const fs::directory_entry& entry : fs::directory_iterator("models/paper-lite")) {
-    if (entry.path().extension() == ".pt") paths.push_back(entry.path());
+    if (entry.path().extension() == ".safetensors") paths.push_back(entry.path());
   }
   EXPECT_EQ(paths.size(), 9u);
   for (const fs::path& path : paths) {
@@ -184,7 +211,7 @@ TEST_F(CheckpointTest, WritesTheMetadataThatItReads) {
 
 // Metadata may not ask for more memory than the file's tensors are.
 TEST_F(CheckpointTest, ComparesTheMetadataBeforeItBuildsTheNetwork) {
-  const fs::path path = folder_ / "a.pt";
+  const fs::path path = folder_ / "a.safetensors";
   SaveCheckpoint(path, net_, meta_, false);
   const TensorFile good = ReadTensorFile(path, kCheckpointFormat);
   const auto error_with = [&](int channels, int blocks) {
@@ -203,7 +230,7 @@ TEST_F(CheckpointTest, ComparesTheMetadataBeforeItBuildsTheNetwork) {
 
 // A structure of two boxes of 200 km, and metadata of lists in lists.
 TEST_F(CheckpointTest, LimitsTheMetadata) {
-  const fs::path path = folder_ / "a.pt";
+  const fs::path path = folder_ / "a.safetensors";
   SaveCheckpoint(path, net_, meta_, false);
   const TensorFile good = ReadTensorFile(path, kCheckpointFormat);
   nlohmann::ordered_json meta = nlohmann::ordered_json::parse(good.meta);
@@ -215,7 +242,7 @@ TEST_F(CheckpointTest, LimitsTheMetadata) {
 }
 
 TEST_F(CheckpointTest, NamesTheTensorThatDoesNotFit) {
-  const fs::path path = folder_ / "a.pt";
+  const fs::path path = folder_ / "a.safetensors";
   SaveCheckpoint(path, net_, meta_, false);
   const TensorFile good = ReadTensorFile(path, kCheckpointFormat);
 
@@ -245,12 +272,12 @@ TEST_F(CheckpointTest, NamesTheTensorThatDoesNotFit) {
 TEST_F(CheckpointTest, RefusesToSaveWhatDoesNotBelongTogether) {
   CheckpointMeta other = meta_;
   other.network.base_channels = 3;
-  EXPECT_THROW(SaveCheckpoint(folder_ / "a.pt", net_, other, false), Error);
+  EXPECT_THROW(SaveCheckpoint(folder_ / "a.safetensors", net_, other, false), Error);
   other = meta_;
   other.structure = Structure::FromBoxes(
       "one", {Box::FromMinMax("a", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});
-  EXPECT_THROW(SaveCheckpoint(folder_ / "a.pt", net_, other, false), DataError);
-  EXPECT_FALSE(fs::exists(folder_ / "a.pt"));
+  EXPECT_THROW(SaveCheckpoint(folder_ / "a.safetensors", net_, other, false), DataError);
+  EXPECT_FALSE(fs::exists(folder_ / "a.safetensors"));
 }
 
 TEST_F(CheckpointTest, StructureMayChangeDimensionsOnly) {

@@ -60,7 +60,7 @@ TEST(ExportOnnx, RunsByOtherRuntimes) {
       meta.network.attention = input == InputEncoding::kDepth;
       meta.roll_offsets_deg = {90};
       const std::string name = fmt::format("{}_{}", ToString(normalization), ToString(input));
-      const fs::path checkpoint = folder / (name + ".pt");
+      const fs::path checkpoint = folder / (name + ".safetensors");
       // What is tested is the export: rounding the weights beforehand leaves it nothing to round.
       SaveCheckpoint(checkpoint, RandomNet(meta.network), meta, /*half=*/true);
       StructureNet net = LoadCheckpoint(checkpoint).net;
@@ -82,16 +82,17 @@ TEST(ExportOnnx, RunsByOtherRuntimes) {
 
 TEST(ExportOnnx, GivesTheSameBytes) {
   const TempFolder folder;
-  ExportOnnx("models/m05-lite.pt", folder / "fresh.onnx", true);
+  ExportOnnx("models/m05-lite.safetensors", folder / "fresh.onnx", true);
   EXPECT_TRUE(ReadFile(folder / "fresh.onnx") == ReadFile("models/m05-lite.onnx"))
-      << "volalign export --model models/m05-lite.pt --format onnx --precision fp16 -o "
+      << "volalign export --model models/m05-lite.safetensors --format onnx --precision fp16 -o "
          "models/m05-lite.onnx";
 }
 
 TEST(ExportOnnx, WritesNothingWhereItFails) {
   const TempFolder folder;
-  ExpectError<IoError>([&] { ExportOnnx(folder / "missing.pt", folder / "x.onnx", false); },
-                       {"missing.pt"});
+  ExpectError<IoError>(
+      [&] { ExportOnnx(folder / "missing.safetensors", folder / "x.onnx", false); },
+      {"missing.safetensors"});
   EXPECT_FALSE(fs::exists(folder / "x.onnx"));
 }
 

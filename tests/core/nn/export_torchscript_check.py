@@ -4,20 +4,21 @@ import json
 import sys
 
 import torch
+from read_safetensors import read
 
 folder = sys.argv[1]
 torch.set_num_threads(2)
 
-checkpoint = torch.load(folder + "/model.pt", map_location="cpu", weights_only=False)
-assert checkpoint["format"] == "volalign.checkpoint/1", checkpoint["format"]
-labels = json.loads(checkpoint["meta"])["structure"]["labels"]
-assert len(labels) == 20 and checkpoint["tensors"]["classifier.weight"].shape[0] == 21
+texts, tensors = read(folder + "/model.safetensors")
+assert texts["format"] == "volalign.checkpoint/2", texts["format"]
+labels = json.loads(texts["volalign.json"])["structure"]["labels"]
+assert len(labels) == 20 and tensors["classifier.weight"].shape[0] == 21
 
 extra = {"volalign.json": ""}
 script = torch.jit.load(folder + "/model.ts", map_location="cpu", _extra_files=extra)
 assert json.loads(extra["volalign.json"])["structure"]["labels"] == labels
 
-cases = torch.load(folder + "/cases.pt", map_location="cpu", weights_only=False)["tensors"]
+cases = {name: torch.from_numpy(values.copy()) for name, values in read(folder + "/cases.safetensors")[1].items()}
 for i in range(2):
     expected = cases["expected%d" % i]
     with torch.no_grad():

@@ -45,8 +45,8 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
       meta.network.background_bias = 1;
       StructureNet net(meta.network);
       for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
-      SaveCheckpoint(folder / "model.pt", net, meta, false);
-      ExportTorchScript(folder / "model.pt", folder / "model.ts");
+      SaveCheckpoint(folder / "model.safetensors", net, meta, false);
+      ExportTorchScript(folder / "model.safetensors", folder / "model.ts");
       torch::jit::ExtraFilesMap extra{{"volalign.json", ""}};
       torch::jit::Module script = torch::jit::load((folder / "model.ts").string(), at::kCPU, extra);
       EXPECT_NE(extra["volalign.json"].find("\"top/front\""), std::string::npos);
@@ -62,8 +62,8 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
       }
     }
   }
-  ExpectError<IoError>([&] { ExportTorchScript(folder / "missing.pt", folder / "x.ts"); },
-                       {"missing.pt"});
+  ExpectError<IoError>([&] { ExportTorchScript(folder / "missing.safetensors", folder / "x.ts"); },
+                       {"missing.safetensors"});
   EXPECT_FALSE(fs::exists(folder / "x.ts"));
 }
 
@@ -78,8 +78,8 @@ TEST(ExportTorchScript, RunsInPython) {
   StructureNet net(meta.network);
   for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
   net->eval();
-  SaveCheckpoint(folder / "model.pt", net, meta, false);
-  ExportTorchScript(folder / "model.pt", folder / "model.ts");
+  SaveCheckpoint(folder / "model.safetensors", net, meta, false);
+  ExportTorchScript(folder / "model.safetensors", folder / "model.ts");
   TensorFile cases{"cases", "{}", {}};
   for (int i = 0; i < 2; ++i) {
     const at::Tensor depth = Depth(45 + 19 * i, 80);
@@ -87,7 +87,7 @@ TEST(ExportTorchScript, RunsInPython) {
     cases.tensors["expected" + std::to_string(i)] =
         net->forward(EncodeDepth(depth, meta.network.input));
   }
-  WriteTensorFile(folder / "cases.pt", cases);
+  WriteTensorFile(folder / "cases.safetensors", cases);
   const int status = std::system(
       ("/usr/bin/python3 tests/core/nn/export_torchscript_check.py " + folder.path().string())
           .c_str());

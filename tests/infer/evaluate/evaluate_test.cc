@@ -66,7 +66,8 @@ class EvaluateFiles : public testing::Test {
   TempFolder folder_;
   Ring ring_;
   StoredSegmenter segmenter_;
-  std::vector<EvaluationModel> models_{{{"model.pt", "abc"}, &segmenter_, &ring_.still.structure}};
+  std::vector<EvaluationModel> models_{
+      {{"model.safetensors", "abc"}, &segmenter_, &ring_.still.structure}};
   EvaluateRun run_;
   std::vector<EvaluationVariant> variants_ = TwoVariants();
   std::vector<std::string> lines_;
@@ -155,8 +156,8 @@ TEST_F(EvaluateFiles, ComparesModels) {
   variants_.pop_back();
   EXPECT_EQ(Run(Items(1)).at(1).variant, "blind");
   EXPECT_NE(ReadFile(run_.output).find("\"sha256\": \"def\""), std::string::npos);
-  models_[1].checkpoint.file = "other/model.pt";
-  ExpectError<ConfigError>([&] { Run(Items(1)); }, {"other/model.pt", "called model too"});
+  models_[1].checkpoint.file = "other/model.safetensors";
+  ExpectError<ConfigError>([&] { Run(Items(1)); }, {"other/model.safetensors", "called model too"});
 }
 
 TEST_F(EvaluateFiles, RejectsAnotherStructure) {

@@ -68,7 +68,7 @@ class ExportTest : public ::testing::Test {
     folder_ = new TempFolder;
     WriteCalibration(
         ResultFolder(folder_->path()), *result_, {{"", rig_->frames}}, rig_->structure,
-        {{"capture.json"}, "model.pt", std::string(64, 'a'), "runtime 1.0", UtcNow(), ""},
+        {{"capture.json"}, "model.safetensors", std::string(64, 'a'), "runtime 1.0", UtcNow(), ""},
         ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   }
   static void TearDownTestSuite() {
@@ -90,7 +90,7 @@ TEST_F(ExportTest, ExtrinsicsReadBack) {
   EXPECT_EQ(read.verdict, SensorStatus::kFailed);
   EXPECT_EQ(read.captures, std::vector<std::string>{"capture.json"});
   ASSERT_TRUE(read.model.has_value());
-  EXPECT_EQ(read.model->file, "model.pt");
+  EXPECT_EQ(read.model->file, "model.safetensors");
   EXPECT_EQ(read.model->sha256, std::string(64, 'a'));
   EXPECT_EQ(read.structure.name, rig_->structure.name());
   EXPECT_EQ(read.structure.sha256, rig_->structure.Hash());
@@ -418,9 +418,10 @@ TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
   EXPECT_EQ(ReadFile(*folder_ / "rig.glb").substr(0, 4), "glTF");
   // Alone, it is the same page.
   const TempFolder alone;
-  WriteReportPage(alone / "page.html", *result_, {{"", rig_->frames}}, rig_->structure,
-                  {{"capture.json"}, "model.pt", std::string(64, 'a'), "runtime 1.0", UtcNow(), ""},
-                  ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
+  WriteReportPage(
+      alone / "page.html", *result_, {{"", rig_->frames}}, rig_->structure,
+      {{"capture.json"}, "model.safetensors", std::string(64, 'a'), "runtime 1.0", UtcNow(), ""},
+      ReportRun{"volalign calibrate --capture capture.json", "threads: 2\n"});
   EXPECT_TRUE(ReadFile(alone / "page.html") == ReadFile(*folder_ / "report.html"));
 }
 

@@ -34,7 +34,7 @@ class NetworkSegmenterTest : public ::testing::Test {
     meta_.structure = PaperStructure();
     meta_.focal_px = {117, 127};
     meta_.image_sizes = {{160, 144}};
-    SaveCheckpoint(folder_ / "model.pt", net_, meta_, false);
+    SaveCheckpoint(folder_ / "model.safetensors", net_, meta_, false);
   }
 
   static DepthImage RandomDepth(int width, int height) {
@@ -88,7 +88,7 @@ class NetworkSegmenterTest : public ::testing::Test {
 };
 
 TEST_F(NetworkSegmenterTest, IsTheNetworkOnFramesItKnows) {
-  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.safetensors");
   Intrinsics k = Kinect().Resized(160, 144);
   const DepthImage depth = RandomDepth(160, 144);
   const SegmentationResult result = segmenter->Segment(depth, k, 0);
@@ -100,7 +100,7 @@ TEST_F(NetworkSegmenterTest, IsTheNetworkOnFramesItKnows) {
 }
 
 TEST_F(NetworkSegmenterTest, TurnsForthAndBack) {
-  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.safetensors");
   const Intrinsics k = Kinect().Resized(160, 144);
   const DepthImage depth = RandomDepth(160, 144);
   for (int turns = 0; turns < 4; ++turns) {
@@ -114,7 +114,7 @@ TEST_F(NetworkSegmenterTest, TurnsForthAndBack) {
 }
 
 TEST_F(NetworkSegmenterTest, BatchesFramesOfMixedSizes) {
-  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.pt");
+  const auto segmenter = LoadNetworkSegmenter(folder_ / "model.safetensors");
   const Intrinsics full = Kinect();
   Intrinsics wide = full;
   wide.width = 320;
@@ -139,7 +139,7 @@ TEST_F(NetworkSegmenterTest, LeavesLibTorchsThreadsAlone) {
   const int before = at::get_num_threads();
   for (const int threads : {1, 3}) {
     at::set_num_threads(threads);
-    LoadNetworkSegmenter(folder_ / "model.pt")
+    LoadNetworkSegmenter(folder_ / "model.safetensors")
         ->Segment(RandomDepth(160, 144), Kinect().Resized(160, 144), 0);
     EXPECT_EQ(at::get_num_threads(), threads);
   }
@@ -149,7 +149,7 @@ TEST_F(NetworkSegmenterTest, LeavesLibTorchsThreadsAlone) {
 TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
   const Structure one = Structure::FromBoxes(
       "one", {Box::FromMinMax("box", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});
-  ExpectError<DataError>([&] { LoadNetworkSegmenter(folder_ / "model.pt", &one); });
+  ExpectError<DataError>([&] { LoadNetworkSegmenter(folder_ / "model.safetensors", &one); });
 }
 
 }  // namespace
@@ -174,8 +174,8 @@ class AttentionTest : public ::testing::Test {
     meta.structure = PaperStructure();
     meta.focal_px = {117, 127};
     meta.image_sizes = {{160, 144}};
-    SaveCheckpoint(folder_ / "model.pt", net_, meta, false);
-    return folder_ / "model.pt";
+    SaveCheckpoint(folder_ / "model.safetensors", net_, meta, false);
+    return folder_ / "model.safetensors";
   }
 
   static DepthImage RandomDepth(int width, int height) {

@@ -38,8 +38,8 @@ class OnnxSegmenterTest : public ::testing::Test {
     StructureNet net(meta_.network);
     const c10::NoGradGuard no_grad;
     for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
-    SaveCheckpoint(folder_ / "model.pt", net, meta_, true);
-    ExportOnnx(folder_ / "model.pt", folder_ / "model.onnx", true);
+    SaveCheckpoint(folder_ / "model.safetensors", net, meta_, true);
+    ExportOnnx(folder_ / "model.safetensors", folder_ / "model.onnx", true);
   }
 
   static DepthImage RandomDepth(int width, int height) {
@@ -74,7 +74,7 @@ TEST_F(OnnxSegmenterTest, LabelsAsTheNetworkInLibTorch) {
   for (const Normalization normalization : AllOf(Normalization())) {
     for (const InputEncoding input : AllOf(InputEncoding())) {
       Write(normalization, input, input == InputEncoding::kDepthMask);
-      const auto theirs = LoadNetworkSegmenter(folder_ / "model.pt");
+      const auto theirs = LoadNetworkSegmenter(folder_ / "model.safetensors");
       const auto ours = LoadOnnxSegmenter(folder_ / "model.onnx");
       // More sizes than networks are kept of, odd ones among them, in both orientations.
       std::vector<DepthImage> depths;

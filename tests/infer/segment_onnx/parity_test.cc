@@ -183,17 +183,18 @@ void ExpectAgreementOfOtherRuntimes(const fs::path& checkpoint,
 /// The network that calibration uses, and one without attention; with VOLALIGN_LONG=1 also those of
 /// the same layers.
 std::vector<std::string> ShippedCheckpoints() {
-  if (Rounds(0, 1) == 0) return {"models/m05-lite.pt", "models/paper-lite/m01.pt"};
-  std::vector<std::string> files = {"models/m05-lite.pt"};
+  if (Rounds(0, 1) == 0)
+    return {"models/m05-lite.safetensors", "models/paper-lite/m01.safetensors"};
+  std::vector<std::string> files = {"models/m05-lite.safetensors"};
   for (const fs::directory_entry& entry : fs::directory_iterator("models/paper-lite")) {
-    if (entry.path().extension() == ".pt") files.push_back(entry.path().string());
+    if (entry.path().extension() == ".safetensors") files.push_back(entry.path().string());
   }
   return files;
 }
 
 /// All of them for the network that calibration uses; the others are of the same layers.
 std::vector<DepthImage> CapturedFramesFor(const std::string& checkpoint) {
-  return CapturedFrames(checkpoint == "models/m05-lite.pt" ? 1 : 8);
+  return CapturedFrames(checkpoint == "models/m05-lite.safetensors" ? 1 : 8);
 }
 
 std::string NameOf(const testing::TestParamInfo<std::string>& shipped) {

@@ -32,7 +32,7 @@ class ToySuite : public testing::Test {
     WriteFileAtomically(folder_ / "toy.yaml",
                         "room: false\nnoise: none\nseed: 3\nturns_deg: [0, 90]\ngroups:\n"
                         "  - {phi_deg: [10, 70], height_cm: [110], rho_cm: 200}\n");
-    const std::string model = (fs::current_path() / "models/m05-lite.pt").string();
+    const std::string model = (fs::current_path() / "models/m05-lite.safetensors").string();
     WriteFileAtomically(
         folder_ / "suite.yaml",
         "datasets: [{name: toy, rigs: [toy.yaml]}]\n"
@@ -275,7 +275,7 @@ SuiteConfig Suite() {
   a.kind = b.kind = MethodKind::kMarkers;
   b.name = "b";
   c.name = "c";
-  c.model = "/no/such/model.pt";
+  c.model = "/no/such/model.safetensors";
   suite.methods = {a, b, c};
   SuiteTable table;
   table.name = "table5";
