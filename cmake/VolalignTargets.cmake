@@ -43,6 +43,26 @@ if(VOLALIGN_FUZZ)
 endif()
 target_include_directories(volalign_options INTERFACE "${PROJECT_SOURCE_DIR}" ${VOLALIGN_FIRST_INCLUDES})
 
+# volalign_kernels(VARIABLE FILE.inc): sources that compile a file of kernels once for each instruction set, under a namespace of its own (VOLALIGN_SET, with
+# VOLALIGN_LANES numbers in a vector); the program takes what the processor has (core/base/kernel_sets.h).
+function(volalign_kernels variable file)
+  set(sets "baseline 4")
+  if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
+    list(APPEND sets "avx2 8 -march=x86-64-v3" "avx512 16 -march=x86-64-v4")
+  endif()
+  file(RELATIVE_PATH path "${PROJECT_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
+  foreach(entry IN LISTS sets)
+    separate_arguments(words UNIX_COMMAND "${entry}")
+    list(POP_FRONT words set lanes)
+    string(REPLACE ".inc" "_${set}.cc" source "${CMAKE_CURRENT_BINARY_DIR}/${file}")
+    file(CONFIGURE OUTPUT "${source}" CONTENT "#define VOLALIGN_SET ${set}\n#define VOLALIGN_LANES ${lanes}\n#include \"${path}\"\n")
+    # Loops become vector instructions only where no square root sets errno and no comparison may trap.
+    set_source_files_properties("${source}" PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON COMPILE_OPTIONS "-O3;-fno-math-errno;-fno-trapping-math;${words}")
+    list(APPEND sources "${source}")
+  endforeach()
+  set(${variable} ${sources} PARENT_SCOPE)
+endfunction()
+
 # volalign_library(ROOM [COMPONENT c] SOURCES a.cc b.cc [PUBLIC_HEADERS a.h] [DEPENDS t ...] [PRIVATE_DEPENDS t ...]): the room core/geometry is
 # the library volalign_core_geometry, alias volalign::core_geometry. DEPENDS are of its headers, PRIVATE_DEPENDS of its sources alone; the test
 # `layout` compares both with what the room includes. Our flags are no user's: volalign_options is private. With COMPONENT it is installed, with

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 
-#include "core/base/field_loops.h"
 #include "core/base/kernel_sets.h"
 
 namespace volalign::noise {
@@ -72,9 +71,6 @@ struct SeamRow {
 /// last bit as the plain loops that they stand for (tests/render/noise_kernels_test.cc).
 struct NoiseKernels {
   const char* name;  ///< of the instruction set
-  /// PixelRandom's uniform numbers of `key` from index `first` on.
-  void (*uniform)(std::uint64_t key, std::uint64_t first, int count, float* out);
-  FieldLoops fields;
   /// Of row v: source[u], the index of the pixel that the window takes for u, `reach` (du, dv) and
   /// a dither in [0, 1) less a half away; nearer[u], whether its depth is positive and, where the
   /// pixel's own is, less by `step`.

@@ -19,12 +19,6 @@ inline double Draw(const double (&range)[2], RandomStream& random) {
   return random.Uniform(range[0], range[1]);
 }
 
-/// SmoothField by the kernels in use.
-inline Image<float> SmoothNoise(int width, int height, double correlation_px,
-                                RandomStream& random) {
-  return SmoothField(width, height, correlation_px, random, noise::Kernels().fields);
-}
-
 /// Paper, "Implementation details": zero depth along the structure's outline and its boxes' depth
 /// edges, and elliptical holes.
 NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomStream& random);

@@ -48,8 +48,8 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
   const int width = view.depth.width(), height = view.depth.height();
   MatchedView out{{view.depth, view.labels}, view.faces};
   if (!known) {
-    device->outline_u = SmoothNoise(width, height, kFattenCorrelation * scale, random);
-    device->outline_v = SmoothNoise(width, height, kFattenCorrelation * scale, random);
+    device->outline_u = SmoothField(width, height, kFattenCorrelation * scale, random);
+    device->outline_v = SmoothField(width, height, kFattenCorrelation * scale, random);
   }
   const Image<float>&du = device->outline_u, &dv = device->outline_v;
   const PixelRandom pixel(random);
@@ -59,7 +59,7 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
   std::vector<std::uint8_t> nearer(columns + 7);
   for (int v = 0; v < height; ++v) {
     const std::size_t first = static_cast<std::size_t>(v) * columns;
-    noise::Kernels().uniform(pixel.key(), first, width, dither.data());
+    BestFieldLoops().uniform(pixel.key(), first, width, dither.data());
     noise::Kernels().fatten(view.depth.data(), width, height, v, &du[first], &dv[first],
                             dither.data(), static_cast<float>(scale), kForegroundStep,
                             source.data(), nearer.data());
@@ -83,7 +83,7 @@ void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
   LabelImage& labels = matched->view.labels;
   const Image16& faces = matched->faces;
   const int width = depth.width(), height = depth.height();
-  const Image<float> edge_loss = SmoothNoise(width, height, kEdgeLossCorrelation * scale, random);
+  const Image<float> edge_loss = SmoothField(width, height, kEdgeLossCorrelation * scale, random);
   const PixelRandom edge_dice(random);
   ForEachFaceEdge(faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = depth(u, v), b = depth(p, q);
@@ -109,14 +109,14 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
   if (!known) {
     device->local_sigma = random.Uniform(model.local_sigma[0], model.local_sigma[1]);
     device->warp_sigma = random.Uniform(model.warp_sigma[0], model.warp_sigma[1]);
-    device->warp = SmoothNoise(
+    device->warp = SmoothField(
         width, height, scale * random.Uniform(kWarpCorrelation[0], kWarpCorrelation[1]), random);
   }
   const Image<float>& warp = device->warp;
   const PixelRandom pixel(random);
   Image<float> error(width, height);
-  noise::Kernels().fields.normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
-  SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error, noise::Kernels().fields);
+  BestFieldLoops().normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
+  SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
   for (std::size_t i = 0; i < error.size(); ++i) {
     error[i] = static_cast<float>(device->local_sigma) * error[i] +
                static_cast<float>(device->warp_sigma) * warp[i];
@@ -136,10 +136,10 @@ struct FaceInfo {
 class MatchConfidence {
  public:
   MatchConfidence(int width, int height, double scale, RandomStream& random)
-      : coarse_(SmoothNoise(width, height,
+      : coarse_(SmoothField(width, height,
                             scale * random.Uniform(kCoarseCorrelation[0], kCoarseCorrelation[1]),
                             random)),
-        fine_(SmoothNoise(width, height,
+        fine_(SmoothField(width, height,
                           scale * random.Uniform(kFineCorrelation[0], kFineCorrelation[1]),
                           random)),
         quality_(static_cast<float>(random.Uniform(kQuality[0], kQuality[1]))),

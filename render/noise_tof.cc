@@ -134,7 +134,7 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
 void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
                 Image<std::uint8_t>* keep) {
   const int width = clean.depth.width(), height = clean.depth.height();
-  const Image<float> coherence = SmoothNoise(width, height, kEdgeCorrelation * scale, random);
+  const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
   ForEachFaceEdge(clean.faces, [&](int u, int v, int p, int q, std::uint64_t pair) {
     const float a = clean.depth(u, v), b = clean.depth(p, q);
@@ -200,14 +200,13 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
       std::exp(random.Uniform(std::log(kAmplitudeThreshold[0]), std::log(kAmplitudeThreshold[1]))));
   const double warp_correlation =
       scale * kShortestWarp * std::exp(random.Uniform(0, std::log(kWarpRatio)));
-  device.warp = SmoothNoise(width, height, warp_correlation, random);
-  frame.patches = SmoothNoise(width, height, scale * Draw(kPatchCorrelation, random), random);
+  device.warp = SmoothField(width, height, warp_correlation, random);
+  frame.patches = SmoothField(width, height, scale * Draw(kPatchCorrelation, random), random);
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
   frame.grain = Image<float>(width, height);
-  noise::Kernels().fields.normal(pixel.key(), 0, static_cast<int>(frame.grain.size()),
-                                 frame.grain.data());
-  SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain, noise::Kernels().fields);
+  BestFieldLoops().normal(pixel.key(), 0, static_cast<int>(frame.grain.size()), frame.grain.data());
+  SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
   return frame;
 }
 

@@ -2,11 +2,15 @@
 
 #include <cstdint>
 
+#include "core/base/kernel_sets.h"
+
 namespace volalign {
 
-/// The loops of SmoothField and SmoothUnitNoise (core/base/noise_fields.h), which may be compiled
-/// for several instruction sets. All give the same to the last bit.
+/// The loops of core/base/noise_fields.h, compiled for several instruction sets. All give the same
+/// to the last bit.
 struct FieldLoops {
+  /// PixelRandom's uniform numbers of `key` from index `first` on.
+  void (*uniform)(std::uint64_t key, std::uint64_t first, int count, float* out);
   /// PixelRandom's normal numbers of `key` from index `first` on.
   void (*normal)(std::uint64_t key, std::uint64_t first, int count, float* out);
   /// Taps of a uniform cubic B-spline with nodes `cell` px apart, scaled so that independent
@@ -24,5 +28,9 @@ struct FieldLoops {
   void (*smooth_across)(const float* above, const float* here, const float* below, float side,
                         float norm, int count, float* out);
 };
+
+const KernelSets<FieldLoops>& AllFieldLoops();
+/// The best of them.
+const FieldLoops& BestFieldLoops();
 
 }  // namespace volalign

@@ -4,11 +4,35 @@
 
 namespace volalign {
 
+/// Declares `Kernels Get()` in a namespace for each instruction set (volalign_kernels of
+/// cmake/VolalignTargets.cmake).
+#if defined(__x86_64__)
+#define VOLALIGN_DECLARE_KERNELS(Kernels) \
+  namespace baseline {                    \
+  Kernels Get();                          \
+  }                                       \
+  namespace avx2 {                        \
+  Kernels Get();                          \
+  }                                       \
+  namespace avx512 {                      \
+  Kernels Get();                          \
+  }
+#else
+#define VOLALIGN_DECLARE_KERNELS(Kernels) \
+  namespace baseline {                    \
+  Kernels Get();                          \
+  }                                       \
+  namespace avx2 = baseline;              \
+  namespace avx512 = baseline;
+#endif
+
 /// Kernels for the instruction sets that this processor can run, the plainest first.
 template <class Kernels>
 struct KernelSets {
   Kernels sets[3];
   int count;
+
+  const Kernels& Best() const { return sets[count - 1]; }
 };
 
 /// Calls those of these functions whose kernels this processor can run. Only for sources that are

@@ -7,53 +7,6 @@
 namespace volalign {
 namespace {
 
-void Normal(std::uint64_t key, std::uint64_t first, int count, float* out) {
-  const PixelRandom random(key);
-  for (int i = 0; i < count; ++i) out[i] = random.Normal(first + static_cast<std::uint64_t>(i));
-}
-
-void Taps(int count, double cell, double phase, std::int32_t* first, float* weights) {
-  for (int i = 0; i < count; ++i) {
-    const double x = i / cell + phase;
-    const double t = x - std::floor(x);
-    const std::array<double, 4> w{(1 - t) * (1 - t) * (1 - t) / 6,
-                                  (3 * t * t * t - 6 * t * t + 4) / 6,
-                                  (-3 * t * t * t + 3 * t * t + 3 * t + 1) / 6, t * t * t / 6};
-    const double norm = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2] + w[3] * w[3]);
-    first[i] = static_cast<std::int32_t>(std::floor(x));
-    for (int k = 0; k < 4; ++k)
-      weights[k * count + i] = static_cast<float>(w[static_cast<std::size_t>(k)] / norm);
-  }
-}
-
-void Along(const float* nodes, const std::int32_t* first, const float* weights, int count,
-           float* out) {
-  const std::ptrdiff_t each = count;
-  for (int i = 0; i < count; ++i) {
-    const float *in = nodes + first[i], *w = weights + i;
-    out[i] = w[0] * in[0] + w[each] * in[1] + w[2 * each] * in[2] + w[3 * each] * in[3];
-  }
-}
-
-void Across(const float* const* rows, const float* weights, int count, float* out) {
-  const float *in0 = rows[0], *in1 = rows[1], *in2 = rows[2], *in3 = rows[3];
-  for (int i = 0; i < count; ++i) {
-    out[i] = weights[0] * in0[i] + weights[1] * in1[i] + weights[2] * in2[i] + weights[3] * in3[i];
-  }
-}
-
-void Smooth(const float* in, float side, float norm, int count, float* out) {
-  for (int i = 0; i < count; ++i) {
-    const float left = in[std::max(i - 1, 0)], right = in[std::min(i + 1, count - 1)];
-    out[i] = norm * (in[i] + side * (left + right));
-  }
-}
-
-void SmoothAcross(const float* above, const float* here, const float* below, float side, float norm,
-                  int count, float* out) {
-  for (int i = 0; i < count; ++i) out[i] = norm * (here[i] + side * (above[i] + below[i]));
-}
-
 /// FieldLoops::taps of `count` pixels.
 struct SplineTaps {
   SplineTaps(int count, double cell, double phase, const FieldLoops& loops)
@@ -68,10 +21,14 @@ struct SplineTaps {
 
 }  // namespace
 
-const FieldLoops& PlainFieldLoops() {
-  static constexpr FieldLoops kLoops = {Normal, Taps, Along, Across, Smooth, SmoothAcross};
-  return kLoops;
+VOLALIGN_DECLARE_KERNELS(FieldLoops)
+
+const KernelSets<FieldLoops>& AllFieldLoops() {
+  static const KernelSets<FieldLoops> all = CollectKernels(baseline::Get, avx2::Get, avx512::Get);
+  return all;
 }
+
+const FieldLoops& BestFieldLoops() { return AllFieldLoops().Best(); }
 
 Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random,
                          const FieldLoops& loops) {

@@ -19,7 +19,7 @@ class PixelRandom {
   /// With the key of another one.
   explicit PixelRandom(std::uint64_t key) : key_(key) {}
 
-  /// For code that draws the same numbers (FieldLoops::normal).
+  /// For code that draws the same numbers (FieldLoops::uniform, normal).
   std::uint64_t key() const { return key_; }
 
   std::uint64_t Bits(std::uint64_t i) const {
@@ -43,18 +43,15 @@ class PixelRandom {
   std::uint64_t key_;
 };
 
-/// For every processor.
-const FieldLoops& PlainFieldLoops();
-
 /// A smooth normal field, zero mean and unit variance at every pixel: white noise on a grid,
 /// interpolated with cubic B-splines. Its autocorrelation falls to 1/e at about `correlation_px`.
 Image<float> SmoothField(int width, int height, double correlation_px, RandomStream& random,
-                         const FieldLoops& loops = PlainFieldLoops());
+                         const FieldLoops& loops = BestFieldLoops());
 
 /// Smooths white noise by a three-tap Gaussian of `sigma_u`, `sigma_v` px along rows and columns,
 /// and scales it back to its variance.
 void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise,
-                     const FieldLoops& loops = PlainFieldLoops());
+                     const FieldLoops& loops = BestFieldLoops());
 
 /// Calls visit(u, v, p, q, pair) for each pixel (u, v) and its neighbour (p, q), first the right
 /// one, then the one below; `pair` is a number of the pair's own, for PixelRandom.

@@ -8,9 +8,6 @@
 #include <random>
 #include <vector>
 
-#include "core/base/noise_fields.h"
-#include "core/base/random.h"
-
 namespace volalign::noise::noise_kernels_test {
 namespace {
 
@@ -65,36 +62,6 @@ class NoiseKernelsTest : public testing::Test {
 
   std::mt19937 random_{17};
 };
-
-TEST_F(NoiseKernelsTest, DrawTheNumbersOfPixelRandom) {
-  RandomStream stream(3, 4, "test");
-  const PixelRandom pixel(stream);
-  ForEachSet([&](const NoiseKernels& kernels) {
-    Floats uniform(kPixels), normal(kPixels);
-    kernels.uniform(pixel.key(), 1000, kPixels, uniform.data());
-    kernels.fields.normal(pixel.key(), 1000, kPixels, normal.data());
-    for (std::size_t i = 0; i < kPixels; ++i) {
-      ASSERT_EQ(uniform[i], pixel.Uniform(1000 + i));
-      ASSERT_EQ(normal[i], pixel.Normal(1000 + i));
-    }
-  });
-}
-
-TEST_F(NoiseKernelsTest, MakeTheFieldsOfThePlainLoops) {
-  ForEachSet([&](const NoiseKernels& kernels) {
-    for (const int width : {1, 2, 33, kWidth}) {
-      for (const double correlation : {1.0, 4.7, 60.0}) {
-        RandomStream a(3, 4, "test"), b(3, 4, "test");
-        Image<float> plain = SmoothField(width, kHeight, correlation, a);
-        Image<float> field = SmoothField(width, kHeight, correlation, b, kernels.fields);
-        ASSERT_TRUE(field == plain);
-        SmoothUnitNoise(1.2, 0.9, &plain);
-        SmoothUnitNoise(1.2, 0.9, &field, kernels.fields);
-        ASSERT_TRUE(field == plain);
-      }
-    }
-  });
-}
 
 TEST_F(NoiseKernelsTest, FindTheSurfaceThatTheWindowTakes) {
   const Floats depth = DrawDepth(kPixels), du = Draw(kWidth, -3, 3), dv = Draw(kWidth, -3, 3);

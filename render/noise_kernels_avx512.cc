@@ -1,2 +1,0 @@
-#define VOLALIGN_SET avx512
-#include "render/noise_kernels.inc"

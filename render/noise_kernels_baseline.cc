@@ -1,2 +1,0 @@
-#define VOLALIGN_SET baseline
-#include "render/noise_kernels.inc"

@@ -1,3 +1,0 @@
-#define VOLALIGN_SET avx2
-#define VOLALIGN_LANES 8
-#include "render/tiles/tile_kernels.inc"
