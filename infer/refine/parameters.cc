@@ -80,7 +80,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   state.gains.assign(sensors, 0);
   state.focals.assign(sensors, 0);
   state.nuisances.assign(poses.size(), {});
-  state.errors.assign(poses.size(), {});
+  state.errors.assign(sensors, {});
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
   const auto sides = static_cast<std::size_t>(BuildModel(structure).size().sides);
@@ -125,8 +125,8 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
     blocks.push_back({&state->focals[s], FocalOfSensor(s), 1, 1});
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
-  for (std::size_t i = 0; i < frames(); ++i)
-    blocks.push_back({state->errors[i].data(), FrameErrors(i), kFrameErrors, kFrameErrors});
+  for (std::size_t s = 0; s < sensors_; ++s)
+    blocks.push_back({state->errors[s].data(), ErrorsOfSensor(s), kFrameErrors, kFrameErrors});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
@@ -183,7 +183,6 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
       hold(Pose(i), 6);
       hold(Offset(i), 1);
       hold(Nuisance(i, 0), kNuisances);
-      hold(FrameErrors(i), kFrameErrors);
     } else {
       is_moved[SensorOf(i)] = 1;
     }
@@ -192,6 +191,7 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (is_moved[s]) continue;
     hold(GainOfSensor(s), 1);
     hold(FocalOfSensor(s), 1);
+    hold(ErrorsOfSensor(s), kFrameErrors);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);

@@ -125,7 +125,7 @@ struct State {
   std::vector<double> gains;          ///< of each sensor, depth gain - 1
   std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
   std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
-  std::vector<std::array<double, kFrameErrors>> errors;   ///< of each frame, see FrameError
+  std::vector<std::array<double, kFrameErrors>> errors;   ///< of each sensor, see FrameError
   std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
   double size = 0;                                        ///< of all boxes, scale - 1
   std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
@@ -146,6 +146,7 @@ struct State {
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   double* Gain(std::size_t i) { return &gains[SensorOf(i)]; }
   double* Focal(std::size_t i) { return &focals[SensorOf(i)]; }
+  double* Errors(std::size_t i) { return errors[SensorOf(i)].data(); }
   FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   FrameState Frame(std::size_t i, const Pose& pose) const {
@@ -155,8 +156,9 @@ struct State {
     return {&size, boxes[still].data(), bulges[still].data()};
   }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values,     &offsets[i],      &gains[SensorOf(i)], &focals[SensorOf(i)],
-            nuisances[i].data(), errors[i].data(), Lens(i).data(),      Build(StillOf(i))};
+    return {poses[i].values,      &offsets[i],         &gains[SensorOf(i)],
+            &focals[SensorOf(i)], nuisances[i].data(), errors[SensorOf(i)].data(),
+            Lens(i).data(),       Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
   void UpdateBuilt(const BuildModel& model);
@@ -174,9 +176,9 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
-/// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each)
-/// and errors (kFrameErrors each), the lenses (kLensParameters each), the size, the boxes of each
-/// still, the bulges of each still.
+/// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each),
+/// the sensors' errors (kFrameErrors each), the lenses (kLensParameters each), the size, the boxes
+/// of each still, the bulges of each still.
 class ParameterLayout {
  public:
   ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
@@ -210,11 +212,13 @@ class ParameterLayout {
   Eigen::Index Nuisance(std::size_t frame, int which) const {
     return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
   }
-  Eigen::Index FrameErrors(std::size_t frame) const {
-    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kFrameErrors * frame);
+  Eigen::Index ErrorsOfSensor(std::size_t sensor) const {
+    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kFrameErrors * sensor);
   }
+  /// Of a frame's sensor.
+  Eigen::Index FrameErrors(std::size_t frame) const { return ErrorsOfSensor(SensorOf(frame)); }
   Eigen::Index Lens(std::size_t lens) const {
-    return FrameErrors(frames()) + static_cast<Eigen::Index>(kLensParameters * lens);
+    return ErrorsOfSensor(sensors_) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
   /// Of all boxes.
   Eigen::Index Size() const { return Lens(lenses_); }

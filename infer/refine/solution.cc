@@ -93,11 +93,11 @@ void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solutio
   State& state = solution->state;
   state.offsets[frame] = 0;
   state.nuisances[frame] = {};
-  state.errors[frame] = {};
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
   }
   *state.Gain(frame) = *state.Focal(frame) = 0;
+  state.errors[state.SensorOf(frame)] = {};
 }
 
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {

@@ -37,9 +37,9 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {
-        state->poses[i].values,  state->poses[j].values,  &state->offsets[i],   &state->offsets[j],
-        state->Gain(i),          state->Gain(j),          state->Focal(i),      state->Focal(j),
-        state->errors[i].data(), state->errors[j].data(), state->Lens(i).data()};
+        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
+        state->Gain(i),         state->Gain(j),         state->Focal(i),      state->Focal(j),
+        state->Errors(i),       state->Errors(j),       state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -65,12 +65,13 @@ void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
     sought.insert(problem.frame_of[i].sensor);
     AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
     AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
-    AddPriors(sigmas, problem.layout.FrameErrors(i), kFrameErrors, state->errors[i].data(), ceres);
   }
   for (const int sensor : sought) {
     const auto s = static_cast<std::size_t>(sensor);
     AddPriors(sigmas, problem.layout.GainOfSensor(s), 1, &state->gains[s], ceres);
     AddPriors(sigmas, problem.layout.FocalOfSensor(s), 1, &state->focals[s], ceres);
+    AddPriors(sigmas, problem.layout.ErrorsOfSensor(s), kFrameErrors, state->errors[s].data(),
+              ceres);
   }
 }
 
@@ -80,7 +81,7 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
   if (observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->errors[i].data(),
+      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->Errors(i),
       state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data(),
       state->bulges[state->StillOf(i)].data());
 }
@@ -187,7 +188,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Gain(i), 1);
     ceres.problem->AddParameterBlock(state->Focal(i), 1);
     ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
-    ceres.problem->AddParameterBlock(state->errors[i].data(), kFrameErrors);
+    ceres.problem->AddParameterBlock(state->Errors(i), kFrameErrors);
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(

@@ -65,6 +65,12 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                    [i](State* s, double h) { s->gains[i] += h; }});
     all.push_back({"focal length of sensor " + std::to_string(i), layout.FocalOfSensor(i),
                    [i](State* s, double h) { s->focals[i] += h; }});
+    for (int k = 0; k < kFrameErrors; ++k) {
+      all.push_back({"error" + std::to_string(k) + " of sensor " + std::to_string(i),
+                     layout.ErrorsOfSensor(i) + k, [i, k](State* s, double h) {
+                       s->errors[i][static_cast<std::size_t>(k)] += h;
+                     }});
+    }
   }
   for (std::size_t i = 0; i < layout.frames(); ++i) {
     const std::string of = " of frame " + std::to_string(i);
@@ -72,11 +78,6 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
       all.push_back(
           {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
            [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
-    }
-    for (int k = 0; k < kFrameErrors; ++k) {
-      all.push_back(
-          {"error" + std::to_string(k) + of, layout.FrameErrors(i) + k,
-           [i, k](State* s, double h) { s->errors[i][static_cast<std::size_t>(k)] += h; }});
     }
   }
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
