@@ -39,8 +39,8 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
     source = HeldOut(frames, context->image_sizes, config.run.batch_size,
                      config.data.pose.roll_offsets_deg);
   }
-  return Validate(model.net, loss, context->structure, ParseKeypointKind(config.loss.keypoints),
-                  *source, samples, compute.device, compute.channels_last, count);
+  return Validate(model.net, loss, context->structure, config.loss.keypoints, *source, samples,
+                  compute.device, compute.channels_last, count);
 }
 
 namespace {

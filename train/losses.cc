@@ -39,7 +39,7 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
                            const at::Device& device)
     : config_(config),
       num_classes_(structure.num_classes()),
-      targets_(StructureKeypoints(structure, ParseKeypointKind(config.keypoints))) {
+      targets_(StructureKeypoints(structure, config.keypoints)) {
   for (const std::string& name : config.terms)
     terms_.push_back(MakeLossTerm(name, structure, device));
 }

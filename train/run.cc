@@ -310,9 +310,9 @@ std::optional<ValidationResult> Run::ValidateNow() {
   Interruptible source(*opened, [&] { return Interrupted(); });
   ValidationResult own;
   try {
-    own = Validate(learner_.average.net(), loss_, data_.structure,
-                   ParseKeypointKind(config_.loss.keypoints), source, OwnValidationSamples(),
-                   compute_.device, compute_.channels_last, bar_ ? bar_->Counter() : nullptr);
+    own = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints, source,
+                   OwnValidationSamples(), compute_.device, compute_.channels_last,
+                   bar_ ? bar_->Counter() : nullptr);
   } catch (const Interruption&) {
     return std::nullopt;
   }

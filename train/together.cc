@@ -73,7 +73,7 @@ void RequireProcesses(const TrainConfig& config, int count) {
   world.size = count;
   SliceOf(config.run.batch_size, world);
   if (!ProcessGroup::IsBuilt()) ProcessGroup().Connect(world, at::kCPU, 0);
-  if (ParseNormalization(config.model.normalization) != Normalization::kBatch) return;
+  if (config.model.normalization != Normalization::kBatch) return;
   throw ConfigError(fmt::format(
       "model.normalization = batch in {} processes would normalise with the statistics of each "
       "process's slice: use group or none, or one process",

@@ -15,17 +15,11 @@ StructureNetOptions ModelConfig::Options(int num_classes) const {
   options.base_channels = base_channels;
   options.num_classes = num_classes;
   options.attention = attention;
-  options.normalization = ParseNormalization(normalization);
-  options.input = ParseInputEncoding(input);
+  options.normalization = normalization;
+  options.input = input;
   options.residual_blocks = residual_blocks;
   options.background_bias = background_bias;
   return options;
-}
-
-KeypointKind ParseKeypointKind(const std::string& word) {
-  if (word == "centre") return KeypointKind::kCentre;
-  if (word == "exposed") return KeypointKind::kExposed;
-  throw ConfigError(fmt::format("loss.keypoints = '{}' is unknown: use centre or exposed", word));
 }
 
 void TrainConfig::Validate() const {

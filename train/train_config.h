@@ -7,14 +7,13 @@
 #include <vector>
 
 #include "core/config/config.h"
-#include "core/config/config_word.h"
 #include "core/geometry/structure.h"
 #include "core/model/network_limits.h"
+#include "core/model/network_options.h"
 #include "train/training_data_config.h"
 
 namespace volalign {
 
-struct StructureNetOptions;
 std::vector<std::string> NetworkKinds();  // core/nn/network.h
 
 /// The network, but for the number of classes, which the structure gives
@@ -23,8 +22,8 @@ struct ModelConfig {
   std::string kind = "paper";
   int base_channels = 32;
   bool attention = true;
-  std::string normalization = "none";
-  std::string input = "depth";
+  Normalization normalization = Normalization::kNone;
+  InputEncoding input = InputEncoding::kDepth;
   int residual_blocks = 4;
   double background_bias = 0;
 
@@ -38,10 +37,8 @@ struct ModelConfig {
     ar("base_channels", base_channels, "width c of the first convolution",
        Between(1, kMostBaseChannels));
     ar("attention", attention, "soft attention after the bottleneck and each decoder level");
-    ar("normalization", normalization, "after every convolution but the classifier",
-       OneOf({"none", "batch", "group"}));
-    ar("input", input, "depth (metres, the paper) or depth_mask (centred and clamped depth, mask)",
-       OneOf({"depth", "depth_mask"}));
+    ar("normalization", normalization, "after every convolution but the classifier");
+    ar("input", input, "depth (metres, the paper) or depth_mask (centred and clamped depth, mask)");
     ar("residual_blocks", residual_blocks, "blocks in the bottleneck",
        Between(0, kMostResidualBlocks));
     ar("background_bias", background_bias, "initial bias of the background class");
@@ -55,7 +52,7 @@ struct LossConfig {
   double lambda = 0.1;
   std::int64_t lambda_warmup_samples = 0;
   int min_side_pixels = 1;
-  std::string keypoints = "centre";
+  KeypointKind keypoints = KeypointKind::kCentre;
   std::vector<std::string> terms;
   std::vector<double> term_weights;
 
@@ -67,8 +64,7 @@ struct LossConfig {
        "lambda rises linearly from 0 over so many samples", AtLeast(0));
     ar("min_side_pixels", min_side_pixels, "a side counts as visible from so many pixels on",
        AtLeast(1));
-    ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed",
-       OneOf({"centre", "exposed"}));
+    ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed");
     ar("terms", terms,
        "names of terms that the program registers (train/loss_term.h), added to the loss");
     ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0),
@@ -76,15 +72,16 @@ struct LossConfig {
                std::vector<std::string>{}));
   }
 };
-KeypointKind ParseKeypointKind(const std::string& word);
 
 enum class OptimizerKind { kAdam, kAdamW };
-inline constexpr std::array<std::pair<const char*, OptimizerKind>, 2> kOptimizers{
-    {{"adam", OptimizerKind::kAdam}, {"adamw", OptimizerKind::kAdamW}}};
+constexpr Words<OptimizerKind, 2> WordsOf(OptimizerKind) {
+  return {{{"adam", OptimizerKind::kAdam}, {"adamw", OptimizerKind::kAdamW}}};
+}
 
 enum class Schedule { kConstant, kOneCycle };
-inline constexpr std::array<std::pair<const char*, Schedule>, 2> kSchedules{
-    {{"constant", Schedule::kConstant}, {"one_cycle", Schedule::kOneCycle}}};
+constexpr Words<Schedule, 2> WordsOf(Schedule) {
+  return {{{"constant", Schedule::kConstant}, {"one_cycle", Schedule::kOneCycle}}};
+}
 
 struct OptimConfig {
   OptimizerKind optimizer = OptimizerKind::kAdam;
@@ -102,8 +99,7 @@ struct OptimConfig {
     using Harmless = std::vector<std::string>;
     const char* const no_sgd = "the optimiser is adam or adamw; leave the key out";
     const char* const cosine = "the schedule is constant or one_cycle; leave the key out";
-    DescribeWord(ar, "optimizer", optimizer, kOptimizers,
-                 "adam, or adamw (decoupled weight decay)");
+    ar("optimizer", optimizer, "adam, or adamw (decoupled weight decay)");
     ar("lr", lr, "learning rate; the peak of a schedule", Above(0),
        Removed("momentum", no_sgd, Harmless{"0.9"}), Removed("nesterov", no_sgd, Harmless{"false"}),
        Removed("period_samples", cosine, Harmless{"0"}),
@@ -115,8 +111,8 @@ struct OptimConfig {
        "of convolution weights only: adamw shrinks them by it, adam adds it times the weights to "
        "the gradient",
        AtLeast(0));
-    DescribeWord(ar, "schedule", schedule, kSchedules,
-                 "after the warm-up: constant, or one_cycle (cosine to 0 at run.samples)");
+    ar("schedule", schedule,
+       "after the warm-up: constant, or one_cycle (cosine to 0 at run.samples)");
     ar("warmup_samples", warmup_samples, "length of the linear warm-up", AtLeast(0));
     ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
     ar("ema_decay", ema_decay,
@@ -129,13 +125,15 @@ struct OptimConfig {
 };
 
 enum class Precision { kFp32, kBf16, kAuto };
-inline constexpr std::array<std::pair<const char*, Precision>, 3> kPrecisions{
-    {{"fp32", Precision::kFp32}, {"bf16", Precision::kBf16}, {"auto", Precision::kAuto}}};
+constexpr Words<Precision, 3> WordsOf(Precision) {
+  return {{{"fp32", Precision::kFp32}, {"bf16", Precision::kBf16}, {"auto", Precision::kAuto}}};
+}
 
 enum class Layout { kContiguous, kChannelsLast, kAuto };
-/// Words of run.channels_last.
-inline constexpr std::array<std::pair<const char*, Layout>, 3> kLayouts{
-    {{"false", Layout::kContiguous}, {"true", Layout::kChannelsLast}, {"auto", Layout::kAuto}}};
+constexpr Words<Layout, 3> WordsOf(Layout) {
+  return {
+      {{"false", Layout::kContiguous}, {"true", Layout::kChannelsLast}, {"auto", Layout::kAuto}}};
+}
 
 struct RunConfig {
   std::int64_t samples = 3200000;
@@ -193,13 +191,13 @@ struct RunConfig {
     ar("tensorboard", tensorboard,
        "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
        "pictures, configuration");
-    DescribeWord(ar, "precision", precision, kPrecisions,
-                 "fp32; bf16 for everything but depth, the first convolution and the soft "
-                 "Procrustes term; auto: bf16 on a processor that has instructions for it and on a "
-                 "CUDA device of compute capability 8 or higher, else fp32; a resumed run keeps "
-                 "what was chosen");
-    DescribeWord(ar, "channels_last", channels_last, kLayouts,
-                 "memory layout of the activations; auto: true on a CPU and with bf16");
+    ar("precision", precision,
+       "fp32; bf16 for everything but depth, the first convolution and the soft "
+       "Procrustes term; auto: bf16 on a processor that has instructions for it and on a "
+       "CUDA device of compute capability 8 or higher, else fp32; a resumed run keeps "
+       "what was chosen");
+    ar("channels_last", channels_last,
+       "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("threads", threads,
        "threads of LibTorch in a process; 0: one for each processor that is idle at the start",
        AtLeast(0));

@@ -338,19 +338,6 @@ void ValidateConfig(T config) {
   config.Describe(reader);
 }
 
-/// Describes a key whose values are words.
-template <class Archive, class Enum, std::size_t N, class... Constraints>
-void DescribeWord(Archive& ar, const std::string& name, Enum& value, const Words<Enum, N>& words,
-                  const char* doc, Constraints... constraints) {
-  std::vector<std::string> allowed;
-  for (const auto& [text, meaning] : words) allowed.emplace_back(text);
-  std::string word = WordOf(words, value);
-  ar(name, word, doc, OneOf(allowed), constraints...);
-  for (const auto& [text, meaning] : words) {
-    if (word == text) value = meaning;
-  }
-}
-
 /// The known keys, joined by "' or '", whose last part or a word of it is nearest to that of `key`.
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known);
 

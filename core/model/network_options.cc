@@ -9,18 +9,6 @@
 
 namespace volalign {
 
-Normalization ParseNormalization(const std::string& word) {
-  Normalization normalization{};
-  if (FromWord(word, &normalization)) return normalization;
-  throw ConfigError(fmt::format("normalization = '{}' is unknown: use none, batch or group", word));
-}
-
-InputEncoding ParseInputEncoding(const std::string& word) {
-  InputEncoding input{};
-  if (FromWord(word, &input)) return input;
-  throw ConfigError(fmt::format("input = '{}' is unknown: use depth or depth_mask", word));
-}
-
 int EncodedChannels(InputEncoding input) { return input == InputEncoding::kDepth ? 1 : 2; }
 
 void StructureNetOptions::Validate() const {

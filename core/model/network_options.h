@@ -18,10 +18,6 @@ constexpr Words<InputEncoding, 2> WordsOf(InputEncoding) {
   return {{{"depth", InputEncoding::kDepth}, {"depth_mask", InputEncoding::kDepthMask}}};
 }
 
-/// Throw ConfigError for other words.
-Normalization ParseNormalization(const std::string& word);
-InputEncoding ParseInputEncoding(const std::string& word);
-
 /// Channels C of an encoded depth map, which are, of a depth z in m, 0 where there is none,
 ///   kDepth:     z itself (the paper), C = 1
 ///   kDepthMask: (min(z, kDepthClamp) - kDepthCentre) * mask and mask = z > 0, C = 2

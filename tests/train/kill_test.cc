@@ -35,7 +35,7 @@ TrainConfig KillConfig(OptimizerKind optimizer) {
   TrainConfig config;
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
-  config.model.normalization = "batch";
+  config.model.normalization = Normalization::kBatch;
   config.optim.optimizer = optimizer;
   config.optim.lr = 3e-3;
   config.optim.schedule = Schedule::kOneCycle;

@@ -61,7 +61,7 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   at::Tensor logits = at::randn({4, 21, 64, 64}) * 0.01;
   logits.scatter_(1, batch.labels.unsqueeze(1), 30.0);
   LossConfig config;
-  config.keypoints = "exposed";
+  config.keypoints = KeypointKind::kExposed;
   config.min_side_pixels = 20;
   const TrainingLoss loss(config, data.structure, at::kCPU);
   const LossTerms good = loss(at::log_softmax(logits, 1), batch.depth, batch.labels, batch.rays, 1);

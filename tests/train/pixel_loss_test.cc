@@ -48,7 +48,7 @@ TEST(PixelTerms, RefuseWrongInput) {
 TEST(TrainingLoss, IsFiniteWithItsGradientForHardBatches) {
   const Structure structure = ReadStructure("configs/structure.yaml");
   LossConfig config;
-  config.keypoints = "exposed";
+  config.keypoints = KeypointKind::kExposed;
   const TrainingLoss loss(config, structure, at::kCPU);
   for (int i = 0; i < 100; ++i)
     ASSERT_TRUE(FiniteLoss(loss, DrawHardBatch(16, structure.num_classes()))) << i;

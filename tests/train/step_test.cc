@@ -24,7 +24,7 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
   TrainConfig config;
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
-  config.model.normalization = "group";
+  config.model.normalization = Normalization::kGroup;
   const Compute compute;
   const TrainingLoss loss(config.loss, data.structure, at::kCPU);
   at::Tensor expected;

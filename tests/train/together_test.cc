@@ -34,12 +34,13 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Rows, states and the image size's changes come at different numbers of samples.
-TrainConfig TogetherConfig(const std::string& normalization) {
+TrainConfig TogetherConfig(Normalization normalization) {
   TrainConfig config;
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
   config.model.normalization = normalization;
-  config.model.input = "depth_mask";  // uncentred depth makes group normalisation ill-conditioned
+  config.model.input =
+      InputEncoding::kDepthMask;  // uncentred depth makes group normalisation ill-conditioned
   config.loss.min_side_pixels = 3;
   config.optim.lr = 1e-4;
   config.optim.clip_norm = 5;
@@ -132,7 +133,7 @@ double Difference(const fs::path& a, const fs::path& b) {
 
 constexpr char kLast[] = "states/000000000035.state";
 
-class Together : public testing::TestWithParam<const char*> {};
+class Together : public testing::TestWithParam<Normalization> {};
 
 // Also with a slice of 1 beside slices of 2 samples, and resumed with another number of processes.
 TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
@@ -153,7 +154,7 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
               std::vector<int>(static_cast<std::size_t>(size - 1), 0));
     // Group normalisation of a constant patch leaves nothing but rounding errors, whose signs a
     // ReLU then tells apart: gradients jump, also between batches in parts in one process.
-    const bool jumps = config.model.normalization == "group";
+    const bool jumps = config.model.normalization == Normalization::kGroup;
     ExpectSameRows(folder / "one", run, jumps);
     if (!jumps) {
       EXPECT_LT(Difference(run / kLast, folder / "one" / kLast), 2e-4);
@@ -163,10 +164,11 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
               LoadCheckpoint(folder / "one" / "model.safetensors").meta.focal_px);
   }
 }
-INSTANTIATE_TEST_SUITE_P(Normalization, Together, testing::Values("none", "group"));
+INSTANTIATE_TEST_SUITE_P(Normalization, Together,
+                         testing::Values(Normalization::kNone, Normalization::kGroup));
 
 TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
-  const TrainConfig config = TogetherConfig("none");
+  const TrainConfig config = TogetherConfig(Normalization::kNone);
   const TempFolder folder;
   InProcesses(1, folder.path(),
               [&](const World& world) { TrainHere(world, config, folder / "one"); });
@@ -192,7 +194,7 @@ TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
 
 // One that is there and does not answer: its machine hangs, or the network is cut.
 TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
-  TrainConfig config = TogetherConfig("none");
+  TrainConfig config = TogetherConfig(Normalization::kNone);
   config.run.lost_after_s = 2;
   const TempFolder folder;
   const std::vector<int> statuses = InProcesses(2, folder.path(), [&](const World& world) {
@@ -210,7 +212,7 @@ TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
 
 // Adam, the default, keeps more between steps than what rounding makes of a sum.
 TEST(TogetherInProcesses, ResumeAdamExactly) {
-  TrainConfig config = TogetherConfig("none");
+  TrainConfig config = TogetherConfig(Normalization::kNone);
   const TempFolder folder;
   const auto train = [&](const char* run, std::int64_t stop_at, bool resume) {
     EXPECT_EQ(InProcesses(2, folder.path(),
@@ -229,7 +231,7 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   const TempFolder folder;
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
-                          TrainConfig config = TogetherConfig("none");
+                          TrainConfig config = TogetherConfig(Normalization::kNone);
                           if (world.rank == 1) config.loss.lambda = 0.3;
                           if (world.rank == 1) config.run.threads = 1;  // may differ
                           TrainHere(world, config, folder / "run");
@@ -241,7 +243,8 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   // What is wrong with rank 0's folder, every process says.
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
-                          TrainHere(world, TogetherConfig("none"), folder / "none", 0, true);
+                          TrainHere(world, TogetherConfig(Normalization::kNone), folder / "none", 0,
+                                    true);
                         }),
             (std::vector<int>{1, 1}));
   EXPECT_NE(ReadFile(folder / "message0").find("there is no run to resume"), std::string::npos);
@@ -251,7 +254,7 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
 // The gradient of one step.
 TEST(TogetherInProcesses, AddUpGradients) {
   const TempFolder folder;
-  for (const char* normalization : {"none", "group"}) {
+  for (const Normalization normalization : {Normalization::kNone, Normalization::kGroup}) {
     TrainConfig config = TogetherConfig(normalization);
     const auto gradient = [&](const World& world, ProcessGroup* group) {
       const BatchSlice slice = SliceOf(5, world);
@@ -273,19 +276,20 @@ TEST(TogetherInProcesses, AddUpGradients) {
                             if (!(error < 1e-4)) throw Error(fmt::format("error {}", error));
                           }),
               std::vector<int>(2, 0))
-        << normalization << ": " << ReadFile(folder / "message0");
+        << ToString(normalization) << ": " << ReadFile(folder / "message0");
   }
 }
 
 TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
   if (!ProcessGroup::IsBuilt()) {
-    ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("none"), 2); }, {"libgloo-dev"});
+    ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kNone), 2); },
+                             {"libgloo-dev"});
     return;
   }
-  RequireProcesses(TogetherConfig("none"), 5);
-  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("none"), 6); },
+  RequireProcesses(TogetherConfig(Normalization::kNone), 5);
+  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kNone), 6); },
                            {"run.batch_size = 5", "6 processes"});
-  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig("batch"), 2); },
+  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kBatch), 2); },
                            {"model.normalization"});
 }
 

@@ -47,14 +47,14 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.data.assembly.size_scale_percent, 0);
     EXPECT_EQ(c.data.assembly.floor_tilt_deg, 0);
     EXPECT_EQ(c.model.base_channels, 32);
-    EXPECT_EQ(c.model.normalization, "none");
-    EXPECT_EQ(c.model.input, "depth");
+    EXPECT_EQ(c.model.normalization, Normalization::kNone);
+    EXPECT_EQ(c.model.input, InputEncoding::kDepth);
     EXPECT_EQ(c.model.residual_blocks, 4);
     EXPECT_EQ(c.model.background_bias, 0);
     EXPECT_EQ(c.loss.lambda, 0.1);
     EXPECT_EQ(c.loss.lambda_warmup_samples, 0);
     EXPECT_EQ(c.loss.min_side_pixels, 1);
-    EXPECT_EQ(c.loss.keypoints, "centre");
+    EXPECT_EQ(c.loss.keypoints, KeypointKind::kCentre);
     EXPECT_EQ(c.optim.optimizer, OptimizerKind::kAdam);
     EXPECT_EQ(c.optim.lr, 2e-4);
     EXPECT_EQ(c.optim.beta1, 0.9);
@@ -77,7 +77,7 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.data.pose.rho_cm, (std::array<double, 2>{150, 275}));
   EXPECT_EQ(c.data.pose.roll_offsets_deg, std::vector<double>{90});
   EXPECT_EQ(c.model.base_channels, 8);
-  EXPECT_EQ(c.loss.keypoints, "exposed");
+  EXPECT_EQ(c.loss.keypoints, KeypointKind::kExposed);
   EXPECT_EQ(c.data.noise.model, "sensor");
   EXPECT_EQ(c.data.assembly.position_mm, 3);
   EXPECT_EQ(c.data.assembly.yaw_deg, 0.5);
@@ -95,7 +95,7 @@ TEST(TrainConfig, ASmallRecipeIsComposedOfTwoFiles) {
   EXPECT_FALSE(c.loss.procrustes);
   EXPECT_EQ(c.data.pose.rho_cm, (std::array<double, 2>{150, 350}));
   EXPECT_EQ(c.model.base_channels, 8);
-  EXPECT_EQ(c.model.normalization, "batch");
+  EXPECT_EQ(c.model.normalization, Normalization::kBatch);
   EXPECT_EQ(c.optim.optimizer, OptimizerKind::kAdamW);
   EXPECT_EQ(c.run.samples, 20000);
 }

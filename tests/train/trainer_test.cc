@@ -45,10 +45,10 @@ TrainConfig TinyConfig() {
   TrainConfig config;
   config.model.base_channels = 2;
   config.model.residual_blocks = 1;
-  config.model.normalization = "batch";
-  config.model.input = "depth_mask";
+  config.model.normalization = Normalization::kBatch;
+  config.model.input = InputEncoding::kDepthMask;
   config.model.background_bias = 2;
-  config.loss.keypoints = "exposed";
+  config.loss.keypoints = KeypointKind::kExposed;
   config.loss.min_side_pixels = 5;
   config.loss.lambda_warmup_samples = 40;
   config.optim.optimizer = OptimizerKind::kAdamW;
@@ -185,8 +185,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Combine(testing::Values(OptimizerKind::kAdam, OptimizerKind::kAdamW),
                      testing::Values(Schedule::kConstant, Schedule::kOneCycle)),
     [](const auto& test) {
-      return fmt::format("{}_{}", kOptimizers[test.index / 2].first,
-                         kSchedules[test.index % 2].first);
+      return fmt::format("{}_{}", ToString(std::get<0>(test.param)),
+                         ToString(std::get<1>(test.param)));
     });
 
 TEST(Trainer, ResumeDropsRowsAfterTheSavedState) {
@@ -257,7 +257,7 @@ TEST(Trainer, BestCheckpointIsThatOfTheBestValidation) {
     const TempFolder folder;
     TrainConfig config = TinyConfig();
     config.run.validate_every = 10;
-    config.model.normalization = "none";
+    config.model.normalization = Normalization::kNone;
     config.optim.schedule = Schedule::kConstant;
     config.optim.lr = lr;
     config.optim.weight_decay = 0;
@@ -588,7 +588,7 @@ TEST(Trainer, StopsWithinAValidation) {
 TEST(Trainer, StopsBetweenMicroBatches) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
-  config.model.normalization = "batch";  // which moves with each micro-batch
+  config.model.normalization = Normalization::kBatch;  // which moves with each micro-batch
   config.optim.warmup_samples = 4;
   config.run.micro_batch = 1;
   config.run.samples = 8;
@@ -645,7 +645,7 @@ TrainingData Poisoned(int first, int last) {
 TEST(Trainer, SkipsAStepThatIsNotFinite) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();  // with a batch normalisation, whose statistics are kept too
-  config.model.input = "depth";
+  config.model.input = InputEncoding::kDepth;
   config.run.log_every = 8;
   const TrainResult result = TrainOn(Poisoned(15, 16), config, Options(folder / "run"));
   EXPECT_TRUE(result.finished);
@@ -665,7 +665,7 @@ TEST(Trainer, SkipsAStepThatIsNotFinite) {
 TEST(Trainer, StopsWhereNoStepIsFinite) {
   const TempFolder folder;
   TrainConfig config = TinyConfig();
-  config.model.input = "depth";
+  config.model.input = InputEncoding::kDepth;
   ExpectError<Error>([&] { TrainOn(Poisoned(15, 15), config, Options(folder / "run")); },
                      {"step 15", "states/000000000026.state", "optim.lr"});
   EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.safetensors").meta.samples, 26);

@@ -231,12 +231,12 @@ TEST(NormalizedMap, KeepsNaN) {
 TEST(TrainingForward, EqualsTheSingleOperations) {
   constexpr double kRounding = 1.2e-7;  // of float32
   std::int64_t draws = 0;
-  for (const char* normalization : {"none", "batch", "group"}) {
+  for (const Normalization normalization : AllOf(Normalization())) {
     StructureNetOptions options;
     options.base_channels = 8;  // all but the smallest maps by Winograd's algorithm
     options.num_classes = 6;
     options.residual_blocks = 1;
-    options.normalization = ParseNormalization(normalization);
+    options.normalization = normalization;
     options.input = InputEncoding::kDepthMask;
     const at::Tensor input =
         EncodeDepth(at::rand({4, 1, 64, 70}) * 2 + 1, options.input);  // 70: 35, 17, 8
@@ -268,15 +268,16 @@ TEST(TrainingForward, EqualsTheSingleOperations) {
       out_rounding = std::max(out_rounding, (rounded_out - expected_out).norm().item<double>());
     }
     EXPECT_LT((joined_gradient - expected).norm().item<double>(), 3 * gradient_rounding)
-        << normalization;
-    EXPECT_LT((out - expected_out).norm().item<double>(), 3 * out_rounding) << normalization;
+        << ToString(normalization);
+    EXPECT_LT((out - expected_out).norm().item<double>(), 3 * out_rounding)
+        << ToString(normalization);
     const double plain =
         (gradient(at::kBFloat16, false, &plain_out) - expected).norm().item<double>();
     const double joined = (gradient(at::kBFloat16, true, &out) - expected).norm().item<double>();
-    EXPECT_LT(joined, 4 * plain) << normalization;  // 2.7 on a processor without bfloat16
+    EXPECT_LT(joined, 4 * plain) << ToString(normalization);  // 2.7 on a processor without bfloat16
     EXPECT_LT((out - expected_out).norm().item<double>(),
               1.5 * (plain_out - expected_out).norm().item<double>())
-        << normalization;
+        << ToString(normalization);
   }
 }
 
