@@ -42,7 +42,7 @@ TrainConfig TogetherConfig(Normalization normalization) {
   config.model.input =
       InputEncoding::kDepthMask;  // uncentred depth makes group normalisation ill-conditioned
   config.loss.min_side_pixels = 3;
-  config.optim.lr = 1e-4;
+  config.optim.lr = 1e-6;  // Adam makes whole steps of rounding errors
   config.optim.clip_norm = 5;
   config.optim.ema_decay = 0.9;
   config.run.samples = 35;
