@@ -172,11 +172,11 @@ TEST(Disagrees, IsUnlikelyAndPlainToSeeOrVeryUnlikely) {
   EXPECT_FALSE(Disagrees(of, 0)) << "nothing in common";
 }
 
-/// Two sensors that see the stack as it is described, and one that saw a box elsewhere.
+/// Sensors that see the stack as it is described, and before them one that saw a box elsewhere.
 struct OddOne {
   Structure structure = PaperStructure();
   SensorPoints points;
-  std::vector<Pose> poses{RingPose(35), RingPose(70), RingPose(180)};
+  std::vector<Pose> poses;
   std::vector<FrameInput> frames;
   RefineOptions options;
   std::unique_ptr<JointProblem> problem;
@@ -184,24 +184,31 @@ struct OddOne {
   FreeSet asked_for;
 
   /// `elsewhere`: m, the box's way along x, as the first sensor saw it.
-  explicit OddOne(double elsewhere, const RefineOptions& with = {}) : options(with) {
+  explicit OddOne(double elsewhere, const RefineOptions& with = {},
+                  const std::vector<double>& azimuths_deg = {35, 70, 180})
+      : options(with) {
     options.bulge_sigma_m = 0;
-    for (const Pose& pose : poses) frames.push_back({testing_infer::Borrowed(points), pose});
-    problem = std::make_unique<JointProblem>(structure, frames, options);
-    asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, 3, 4);
-    solution.state = NominalState(structure, poses);
-    solution.held = {0, 0, 0};
-    solution.free = asked_for;
-    for (std::size_t i = 0; i < 3; ++i) {
-      std::vector<double> boxes = solution.state.boxes[0];
-      if (i == 0) boxes[static_cast<std::size_t>(BuildModel::X(kBox))] = elsewhere;
-      FrameObservations observed =
-          Observe(problem->model.Built({&solution.state.size, boxes.data()}), poses[i], 12);
-      const auto n = static_cast<Eigen::Index>(observed.faces.size());
-      observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
-      observed.edge_root = Eigen::MatrixXd(0, 0);
-      solution.observed.push_back(observed);
+    for (const double azimuth : azimuths_deg) {
+      poses.push_back(RingPose(azimuth));
+      frames.push_back({testing_infer::Borrowed(points), poses.back()});
     }
+    problem = std::make_unique<JointProblem>(structure, frames, options);
+    asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, poses.size(), 4);
+    solution.state = NominalState(structure, poses);
+    solution.held.assign(poses.size(), 0);
+    solution.free = asked_for;
+    for (std::size_t i = 0; i < poses.size(); ++i)
+      solution.observed.push_back(Saw(i, i == 0 ? elsewhere : 0));
+  }
+  FrameObservations Saw(std::size_t i, double elsewhere) const {
+    std::vector<double> boxes = solution.state.boxes[0];
+    boxes[static_cast<std::size_t>(BuildModel::X(kBox))] = elsewhere;
+    FrameObservations observed =
+        Observe(problem->model.Built({&solution.state.size, boxes.data()}), poses[i], 12);
+    const auto n = static_cast<Eigen::Index>(observed.faces.size());
+    observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
+    observed.edge_root = Eigen::MatrixXd(0, 0);
+    return observed;
   }
   double Contradiction(std::size_t a, std::size_t b) const {
     return MeasureContradiction(*problem, solution, asked_for, a, b);
@@ -325,6 +332,16 @@ TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
+}
+
+TEST(SetAsideDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
+  OddOne scene(0.08, {}, {35, 70, 180, 250, 310});
+  scene.solution.observed[1] = scene.Saw(1, -0.04);
+  scene.frames[0].start.translation().setConstant(std::nan(""));
+  const Agreed agreed =
+      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  EXPECT_FALSE(agreed.of[0].has_value());
+  EXPECT_TRUE(agreed.of[1].has_value());
 }
 
 TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
