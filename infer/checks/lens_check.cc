@@ -50,7 +50,8 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
           fmt::format("flat surfaces look bent by up to {:.0f} mm: its lens is not the one that "
                       "the intrinsics describe",
                       1000 * bend),
-          estimated ? "check the intrinsics and their distortion, or leave the distortion out and "
+          estimated ? "check that depth is measured along the optical axis and not along each ray, "
+                      "and the intrinsics with their distortion; or leave the distortion out and "
                       "name the sensor's kind (capture.json, sensor), so that it is estimated"
                     : "give the lens's distortion in the capture, or have it estimated "
                       "(--estimate auto)"};

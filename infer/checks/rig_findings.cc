@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -187,31 +187,23 @@ namespace {
 /// Of a sensor each of whose pairs is apart, as against all pairs without it.
 std::optional<RigFinding> FindApart(const RefineResult& refined, int sensor,
                                     const std::string& name) {
-  double least = std::numeric_limits<double>::infinity(), most = 0, number = 0, sum = 0,
-         squares = 0, own = 0;
+  std::vector<double> own, others;  // distances over their predictions
   for (const RefinedPair& pair : refined.pairs) {
     const double ratio = pair.rms / pair.predicted_rms;
-    if (!std::isfinite(ratio)) continue;
-    if (pair.a == sensor || pair.b == sensor) {
-      least = std::min(least, ratio);
-      most = std::max(most, ratio);
-      ++own;
-    } else {
-      sum += ratio;
-      squares += ratio * ratio;
-      ++number;
-    }
+    if (ratio > 0) (pair.a == sensor || pair.b == sensor ? own : others).push_back(ratio);
   }
-  if (own < 2 || number < own) return std::nullopt;
-  const double mean = sum / number;
-  const double deviation = std::sqrt(std::max(0.0, squares / number - mean * mean));
-  if (!(least > std::max(1.0, mean + kClearly * deviation))) return std::nullopt;
+  if (own.size() < 2 || others.size() < own.size()) return std::nullopt;
+  const Eigen::Map<const Eigen::ArrayXd> rest(others.data(),
+                                              static_cast<Eigen::Index>(others.size()));
+  const double usual = rest.mean() + kClearly * std::sqrt((rest - rest.mean()).square().mean());
+  const auto [least, most] = std::minmax_element(own.begin(), own.end());
+  if (!(*least > std::max(1.0, usual))) return std::nullopt;
   return RigFinding{
       RigCode::kPairApart,
       {name},
       fmt::format("where {} and others see the same surface, their points are {:.1f} to {:.1f} "
                   "times as far apart as predicted, and those of others {:.1f} times in the mean",
-                  name, least, most, mean),
+                  name, *least, *most, rest.mean()),
       kCheckDepth};
 }
 

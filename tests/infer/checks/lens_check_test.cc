@@ -65,6 +65,7 @@ TEST(CheckLenses, WallsThatLookBentMakeALensSuspect) {
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, SensorCode::kLensSuspect);
   EXPECT_NE(finding->hint.find("leave the distortion out"), std::string::npos) << finding->hint;
+  EXPECT_NE(finding->hint.find("not along each ray"), std::string::npos) << finding->hint;
   const std::optional<Finding> fixed =
       CheckLenses(PerFrame<SensorPlanes>({{bent}}), lenses, false)[{}];
   ASSERT_TRUE(fixed.has_value());
