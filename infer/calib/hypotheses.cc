@@ -15,6 +15,7 @@
 #include "core/geometry/typical_intrinsics.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/geometry_search.h"
+#include "infer/lens/sensor_lens.h"
 #include "infer/view/alike.h"
 #include "infer/view/sensor_view.h"
 
@@ -170,11 +171,12 @@ void TryScales(const std::vector<Still>& stills, const Structure& structure,
 
 using Names = std::pair<std::string, std::string>;
 
-/// Can depth maps of these be taken for each other's, and does it make a difference?
+/// Can depth maps of these be taken for each other's, and does it make a difference? Intrinsics of
+/// one sensor differ by a pixel or two from one calibration to the next.
 bool CanBeExchanged(const Still& still, const Names& names) {
   const SensorFrame *a = FindFrame(still, names.first), *b = FindFrame(still, names.second);
   return a && b && a->depth.width() == b->depth.width() && a->depth.height() == b->depth.height() &&
-         !(a->intrinsics == b->intrinsics && a->sensor == b->sensor);
+         (a->sensor != b->sensor || LargestShift(a->intrinsics, b->intrinsics) > kClearly);
 }
 
 std::vector<Still> Exchanged(std::vector<Still> stills, const Names& names) {

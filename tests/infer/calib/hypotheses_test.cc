@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -122,6 +123,31 @@ TEST(Hypotheses, ExchangedDepthFiles) {
   EXPECT_EQ(result.findings.front().code, RigCode::kFilesExchanged) << FormatReport(result);
   EXPECT_EQ(result.findings.front().about, (std::vector<std::string>{"S0", "S3"}));
   EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+}
+
+// A pair that is apart for another reason, and a second calibration that comes out better by
+// chance.
+TEST(Hypotheses, FilesAreExchangedOnlyWhereIntrinsicsDiffer) {
+  for (const double px : {2.0, 6.0}) {
+    std::vector<SensorFrame> frames{Four().frames[0], Four().frames[0]};
+    frames[0].name = "A";
+    frames[1].name = "B";
+    frames[1].intrinsics.cx += px;
+    CalibrationResult given;
+    given.sensors.resize(2);
+    given.pairs = {{"A", "B", 0.5, 0.012, 0.005}};
+    CalibrationResult better = given;
+    better.pairs[0].rms_m = 0.004;
+    given.findings.push_back({RigCode::kPairApart, {"A", "B"}, "", ""});
+    for (std::size_t i = 0; i < 2; ++i) {
+      given.sensors[i].name = frames[i].name;
+      given.sensors[i].status = SensorStatus::kOk;
+    }
+    TryHypotheses(
+        {{"", frames}}, Four().structure, CalibrateOptions(),
+        [&](const std::vector<Still>&) { return better; }, &given);
+    EXPECT_EQ(Find(given, RigCode::kFilesExchanged) != nullptr, px > 3) << px;
+  }
 }
 
 TEST(Hypotheses, ADepthThatStandsForNothingIsNone) {
