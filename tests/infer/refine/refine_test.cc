@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/base/random.h"
+#include "infer/refine/noise.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_test {
