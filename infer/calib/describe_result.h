@@ -51,6 +51,10 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   if (!sensor.structure_from_sensor) return;
   ar.IfFinite("initial", sensor.initial);
   ar.Later("initial_source", sensor.initial_source);
+  if constexpr (Archive::kReading) {  // of earlier files, which could keep the initial pose
+    std::string dropped;
+    ar.Optional("refinement", dropped);
+  }
   ar.Optional("together", sensor.together);
   ar.Optional("disagrees_with", sensor.disagrees_with);
   ar.IfFinite("disagreement", sensor.disagreement);
