@@ -337,18 +337,18 @@ TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
 TEST(SetAsideDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   OddOne scene(0.08, {}, {35, 70, 180, 250, 310});
   scene.solution.observed[1] = scene.Saw(1, -0.04);
-  // Points that it sees through a lens without numbers.
-  SensorPoints through_no_lens;
-  through_no_lens.intrinsics.width = 1;
-  through_no_lens.intrinsics.fx = std::nan("");
+  // Points whose errors are no numbers.
+  SensorPoints spoilt;
+  scene.frames[0].noise = scene.solution.observed[0].noise;
+  scene.frames[0].noise->depth.smooth_m = std::nan("");
   const Side& side = scene.structure.SideOfLabel(1);
   for (const double along : {-0.01, 0.0, 0.01}) {
     SidePoint point;
     point.p = scene.poses[0].inverse() * Eigen::Vector3d(side.centre + along * side.axis_u);
     point.label = 1;
-    through_no_lens.side_points.push_back(point);
+    spoilt.side_points.push_back(point);
   }
-  scene.frames[0].points = testing_infer::Borrowed(through_no_lens);
+  scene.frames[0].points = testing_infer::Borrowed(spoilt);
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0].has_value());
