@@ -96,10 +96,11 @@ struct RefineOptions : PriorOptions, RefineSchedule {
                std::vector<std::string>{}),
        Fixed("bulge_sigma_m", 0.002), Fixed("edge_shift_sigma_px", 0.7),
        Fixed("depth_drift_sigma_m", 0.002), Fixed("inner_iterations", 12), Fixed("associations", 3),
-       Fixed("fine_iterations", 3), Fixed("max_side_points", 3750), Fixed("max_edge_points", 600),
-       Fixed("min_overlap", 0.05),
+       Fixed("fine_iterations", 3), Fixed("max_edge_points", 600), Fixed("min_overlap", 0.05),
+       Removed("max_side_points", "it is 3750 now; leave the key out",
+               std::vector<std::string>{"3000"}),
        Removed("threads", "threads of the calibration are those of Ceres, too; leave the key out",
-               std::vector<std::string>{"1", "2"}));
+               std::vector<std::string>{"2"}));
   }
 };
 

@@ -297,7 +297,7 @@ class CommandLine(InAFolder):
         self.expect("config show configs/rig_ring8.yaml --set seed=3", 0, "seed: 3", "device_errors:")
         self.expect("config show configs/m05-lite.yaml", 0, "loss:")
         with open(os.path.join(self.folder, "calibration.yaml"), "w", encoding="utf-8") as file:
-            file.write("refine: {threads: 1}\n")
+            file.write("refine: {threads: 2, max_side_points: 3000, min_overlap: 0.05}, verdict: {lens: {min_bend_m: 0.008}}\n")
         self.expect("config show calibration.yaml", 0, "verdict:")
         with open(os.path.join(self.folder, "empty.yaml"), "w", encoding="utf-8") as file:
             file.write("{}\n")
@@ -491,7 +491,7 @@ class CommandLine(InAFolder):
         self.expect("structure show s.yaml", 0, "warning: s: there is a gap of 20 mm between boxes 'a' and 'b'")
         self.expect("structure check s.yaml", 0, "doubtful: there is a gap of 20 mm")
         write("b, x: [0, 500], y: [400 700], z: [0, 300]")
-        self.expect("structure show s.yaml", 1, "s.yaml:3: 'y' of box 'b' has to be two numbers", "it is [400 700]")
+        self.expect("structure show s.yaml", 1, "boxes[1].y = [400 700] has 1 values; 2 are expected, with commas between them (s.yaml:3)")
 
     def test_bytes_that_are_not_utf8(self):
         for command in (r"train -o $'n\xff'", r"calibrate --capture $'\xff.json' -o x", r"calibrate --capture c.json -o x --note $'\xff'"):
