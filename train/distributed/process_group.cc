@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <future>
@@ -180,6 +181,9 @@ struct ProcessGroup::Connection {
 bool ProcessGroup::IsBuilt() { return true; }
 
 void ProcessGroup::Connect(const World& world, const at::Device& device, double timeout_s) {
+  // What Gloo writes to a process that has ended is an error with a message, not the end of this
+  // one.
+  std::signal(SIGPIPE, SIG_IGN);
   rank_ = world.rank;
   size_ = world.size;
   connection_ = std::make_unique<Connection>();
