@@ -297,7 +297,7 @@ class CommandLine(InAFolder):
         self.expect("config show configs/rig_ring8.yaml --set seed=3", 0, "seed: 3", "device_errors:")
         self.expect("config show configs/m05-lite.yaml", 0, "loss:")
         with open(os.path.join(self.folder, "calibration.yaml"), "w", encoding="utf-8") as file:
-            file.write("refine: {threads: 2, max_side_points: 3000, min_overlap: 0.05}, verdict: {lens: {min_bend_m: 0.008}}\n")
+            file.write("refine: {threads: 2, max_side_points: 3000, min_overlap: 0.05}\nverdict: {lens: {min_bend_m: 0.008}}\n")
         self.expect("config show calibration.yaml", 0, "verdict:")
         with open(os.path.join(self.folder, "empty.yaml"), "w", encoding="utf-8") as file:
             file.write("{}\n")
