@@ -24,10 +24,9 @@ struct ElementType {
   const char* name;
   at::ScalarType type;
 };
-constexpr ElementType kTypes[] = {{"F64", at::kDouble}, {"F32", at::kFloat},
-                                  {"F16", at::kHalf},   {"BF16", at::kBFloat16},
-                                  {"I64", at::kLong},   {"I32", at::kInt},
-                                  {"U8", at::kByte},    {"BOOL", at::kBool}};
+constexpr ElementType kTypes[] = {{"F64", at::kDouble},    {"F32", at::kFloat}, {"F16", at::kHalf},
+                                  {"BF16", at::kBFloat16}, {"I64", at::kLong},  {"I32", at::kInt},
+                                  {"U8", at::kByte},       {"BOOL", at::kBool}};
 
 /// The type for which `is` holds, or nullptr.
 template <class Is>
@@ -102,9 +101,8 @@ std::string WriteSafetensors(const Safetensors& content) {
                               at::toString(element)));
     const std::uint64_t begin = end;
     end += tensor.nbytes();
-    header[name] = {{"dtype", type->name},
-                    {"shape", tensor.sizes().vec()},
-                    {"data_offsets", {begin, end}}};
+    header[name] = {
+        {"dtype", type->name}, {"shape", tensor.sizes().vec()}, {"data_offsets", {begin, end}}};
   }
   std::string text = header.dump();
   text.append((kAlignment - text.size() % kAlignment) % kAlignment, ' ');

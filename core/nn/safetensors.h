@@ -8,9 +8,9 @@
 
 namespace volalign {
 
-/// The content of a safetensors file: the header's length, 8 bytes, little-endian; the header, JSON,
-/// with `dtype`, `shape` and `data_offsets` of each tensor and texts under `__metadata__`; the
-/// values.
+/// The content of a safetensors file: the header's length, 8 bytes, little-endian; the header,
+/// JSON, with `dtype`, `shape` and `data_offsets` of each tensor and texts under `__metadata__`;
+/// the values.
 struct Safetensors {
   std::map<std::string, std::string> texts;
   std::map<std::string, at::Tensor> tensors;  ///< on the CPU, contiguous

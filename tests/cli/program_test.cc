@@ -237,9 +237,10 @@ std::size_t CountPlyPoints(const std::string& path, std::size_t size) {
 constexpr double kExact = 0.0007;
 
 TEST_F(Program, CalibratesACaptureFromFiles) {
-  const Outcome run = Volalign(
-      "calibrate --capture " + WriteSmallCapture() +
-      " --model models/m05-lite.safetensors --set refine.max_overlap_points=3999 -o " + Path("out"));
+  const Outcome run =
+      Volalign("calibrate --capture " + WriteSmallCapture() +
+               " --model models/m05-lite.safetensors --set refine.max_overlap_points=3999 -o " +
+               Path("out"));
   EXPECT_EQ(run.status, 0) << run.output;
   const nlohmann::json extrinsics = ReadJson(Path("out/extrinsics.json"));
   const nlohmann::json capture = ReadJson(Path("capture/capture.json"));
@@ -465,12 +466,12 @@ TEST_F(Program, OneProcessAtATimeWritesAResult) {
 /// Commands that write a folder, without -o: the name of the folder, which is in `folder`, and the
 /// rest. Those behind the first need what the first writes.
 std::vector<std::pair<std::string, std::string>> FolderCommands(const std::string& folder) {
-  return {
-      {"calibrated", "calibrate --capture " + folder + "/capture/capture.json --structure " +
-                         folder + "/capture/structure.yaml --no-report"},
-      {"converted", "convert " + folder + "/calibrated/extrinsics.json --to colmap"},
-      {"rendered", "render --force --rig " + folder + "/rig.yaml"},
-      {"evaluated", "evaluate --model models/m05-lite.safetensors --rig " + folder + "/rig.yaml --seeds 5"}};
+  return {{"calibrated", "calibrate --capture " + folder + "/capture/capture.json --structure " +
+                             folder + "/capture/structure.yaml --no-report"},
+          {"converted", "convert " + folder + "/calibrated/extrinsics.json --to colmap"},
+          {"rendered", "render --force --rig " + folder + "/rig.yaml"},
+          {"evaluated",
+           "evaluate --model models/m05-lite.safetensors --rig " + folder + "/rig.yaml --seeds 5"}};
 }
 
 TEST_F(Program, NoCommandWritesIntoAFolderThatAnotherOneWritesInto) {

@@ -372,8 +372,7 @@ TEST(ShapeLogOdds, NotWhereASideFacesElsewhere) {
   const SensorView view = See(Stack(16), kTruth);
   EXPECT_TRUE(HasShape(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth)));
   EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
-  EXPECT_TRUE(
-      ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
+  EXPECT_TRUE(ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
 }
 
 // The upper box is 20 cm narrower than described: so much of it is seen through.
