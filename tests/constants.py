@@ -24,7 +24,7 @@ LIMITS = {
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 65,
-    "infer/refine": 42,
+    "infer/refine": 46,
     "infer/checks": 31,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 14,

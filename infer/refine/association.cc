@@ -11,6 +11,10 @@ namespace {
 /// Cosine from which on a silhouette agrees with an edge (60 deg): near a corner the nearer of two
 /// edges counts.
 constexpr double kEdgeAgrees = 0.5;
+/// Cosine from which on a one-sided silhouette agrees with an edge, whose direction was measured:
+/// the border of what a sensor lights, or of what hides a side and has no depth itself, seldom runs
+/// as the side's edges do.
+constexpr double kOneSidedAgrees = kSameDirection;
 
 }  // namespace
 
@@ -51,7 +55,8 @@ bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const Ed
   if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return false;
   if ((rotation * edge.normal).dot(side.normal) < kFacesAlike) return false;
   const Eigen::Vector3d outward = rotation * edge.outward;
-  return NearestEdge(side, p, outward, gate, line);
+  return NearestEdge(side, p, outward, gate, line) &&
+         (!edge.one_sided || line->direction.dot(outward) > kOneSidedAgrees);
 }
 
 }  // namespace volalign::refine_internal

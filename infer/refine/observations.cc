@@ -77,7 +77,8 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   return face;
 }
 
-/// Silhouette points of one image block along one edge.
+/// Silhouette points of one image block along one edge. What a sensor leaves empty along an edge
+/// before nothing is much the same along all of it, so that many points say no more than one.
 EdgeObservation EdgeOf(int label, int edge_index, int axis,
                        const std::vector<const EdgePoint*>& points) {
   EdgeObservation edge;
@@ -95,7 +96,7 @@ EdgeObservation EdgeOf(int label, int edge_index, int axis,
   edge.p /= count;
   edge.pixel /= count;
   pixels /= count;
-  edge.variance = pixels * pixels / std::sqrt(count);
+  edge.variance = pixels * pixels / (points.front()->one_sided ? 1 : std::sqrt(count));
   return edge;
 }
 
@@ -158,12 +159,12 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     if (LiesOnItsSide(built, sensor, point, gates.side))
       faces[{point.label, point.block}].push_back(&point);
   }
-  // By label, edge, block and axis.
-  std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;
+  // By label, edge, block, axis, and whether one-sided.
+  std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
     EdgeLine line;
     if (LiesOnAnEdge(built, sensor, edge, gates.side, &line))
-      lines[{edge.label, line.edge, edge.block, edge.axis}].push_back(&edge);
+      lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
   }
   observed->lens = points.lens;
   observed->faces.clear();

@@ -55,7 +55,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   std::string estimate = "auto";
   bool lens_per_sensor = false;
   int max_side_points = 3750;  ///< most labelled points of a sensor
-  int max_edge_points = 600;   ///< most silhouette points of a sensor
+  /// Most silhouette points of a sensor, and as many again of those with no depth behind.
+  int max_edge_points = 600;
 
   template <class Archive>
   void Describe(Archive& ar) {

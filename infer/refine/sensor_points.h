@@ -25,18 +25,21 @@ struct SidePoint {
   double aside_rad = 0;
 };
 
-/// A point on the silhouette of a labelled side, where the depth behind it jumps: half a pixel
-/// beyond the last one on the side, more where pixels are missing.
+/// A point on the silhouette of a labelled side, where the depth behind it jumps or where there is
+/// none: half a pixel beyond the last one on the side, more where pixels are missing.
 struct EdgePoint {
   Eigen::Vector3d p;
   /// Unit, sensor frame, in the side's measured plane, across the silhouette.
   Eigen::Vector3d outward;
   Eigen::Vector3d normal;  ///< of the side, as measured
-  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it.
+  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it, or, of
+  /// one with nothing behind, in as many pixels as sensors leave empty.
   double sigma = 0;
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
-  int axis = 0;   ///< 0: found along an image row, 1: along a column
+  int axis = 0;  ///< 0: found along an image row, 1: along a column
+  /// No depth follows within a few pixels. Then `outward` is square to the silhouette's line.
+  bool one_sided = false;
   int block = 0;  ///< of the image, see BlockIndex
 };
 
@@ -89,8 +92,8 @@ struct SensorPoints {
 SampledCloud SampleCloud(const SensorView& view);
 
 /// The labelled points of a view, without a cloud: of labels of at least this confidence, at most
-/// RefineOptions::max_side_points, at most max_edge_points silhouettes. The same
-/// view always gives the same points.
+/// RefineOptions::max_side_points, at most max_edge_points silhouettes and as many again of
+/// one-sided ones. The same view always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options,
                           double min_confidence);

@@ -2,7 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "infer/view/alike.h"
 
@@ -19,6 +22,15 @@ constexpr double kLeastIncidence = 0.2;     // cosine: beyond it half a pixel is
 /// real captures, edges halfway through the gap come out a pixel too far out. So only this share
 /// counts.
 constexpr double kShareOfGap = 0.25;
+// One-sided silhouettes.
+/// Two-sided points along one image axis from which on they say where the structure ends: one-sided
+/// ones, which depend on what a sensor loses along edges, would only blur that.
+constexpr int kEnough = 40;
+constexpr int kNeighbours = 8;  // rows (or columns) on each side that have to form a line
+constexpr std::size_t kFewestEnds =
+    kNeighbours + 1;             // of these and its own, in which the side ends nearby
+constexpr int kStray = 4;        // px between the ends of neighbours, beyond a slope of 1
+constexpr double kRagged = 1.5;  // px rms, of the ends about their line
 
 /// A walk across the image, from a pixel of a side to where its surface ends.
 struct Walk {
@@ -70,10 +82,9 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
   return true;
 }
 
-/// Does the view go on behind the walk, across a gap of kMaxGap at most, in something farther away
-/// than the plane?
+/// Does the view end behind the walk in something farther away than the plane, or in nothing?
 bool SeesPast(const SensorView& view, const Walk& walk, const Plane& plane) {
-  if (walk.gap > kMaxGap || !view.depth.Contains(walk.beyond_u, walk.beyond_v)) return false;
+  if (!view.depth.Contains(walk.beyond_u, walk.beyond_v)) return walk.gap > kEmptyBorder;
   const Eigen::Vector3d ray = RayAt(view, walk.beyond_u, walk.beyond_v);
   return view.depth(walk.beyond_u, walk.beyond_v) > plane.Depth(ray) + kBehind;
 }
@@ -98,12 +109,91 @@ bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, double
   return true;
 }
 
+/// A one-sided edge point, and where in the picture the side ends.
+struct Candidate {
+  EdgePoint edge;
+  Walk walk;
+  /// Row (or column) that was walked along, and the place in it.
+  int line() const { return edge.axis == 0 ? walk.v : walk.u; }
+  int end() const { return edge.axis == 0 ? walk.u : walk.v; }
+  int sign() const { return walk.du + walk.dv; }
+};
+
+/// Ends of sides, by label, axis and direction of the walk, and line.
+using Ends = std::map<std::array<int, 4>, std::vector<int>>;
+
+std::array<int, 4> KeyOf(const Candidate& c, int line) {
+  return {c.edge.label, c.edge.axis, c.sign(), line};
+}
+
+/// Slope, px per line, of the line that the ends near a candidate form, if they do.
+bool FitSlope(const Candidate& candidate, const Ends& ends, double* slope) {
+  std::vector<std::pair<double, double>> found;  // line and end, from the candidate's own
+  for (int d = -kNeighbours; d <= kNeighbours; ++d) {
+    const auto row = ends.find(KeyOf(candidate, candidate.line() + d));
+    if (row == ends.end()) continue;
+    int nearest = std::abs(d) + kStray + 1;
+    for (const int end : row->second) {
+      const int apart = end - candidate.end();
+      if (std::abs(apart) < std::abs(nearest)) nearest = apart;
+    }
+    if (std::abs(nearest) <= std::abs(d) + kStray) found.emplace_back(d, nearest);
+  }
+  if (found.size() < kFewestEnds) return false;
+  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d moment = Eigen::Vector2d::Zero();
+  for (const auto& [line, end] : found) {
+    const Eigen::Vector2d row(1, line);
+    squares += row * row.transpose();
+    moment += row * end;
+  }
+  const Eigen::Vector2d fit = squares.inverse() * moment;
+  double misfit = 0;
+  for (const auto& [line, end] : found)
+    misfit += std::pow(end - fit[0] - fit[1] * line, 2) / static_cast<double>(found.size());
+  *slope = fit[1];
+  return misfit <= kRagged * kRagged;
+}
+
+/// Turns `outward` square to the silhouette, which runs in the picture with that slope.
+void TurnSquare(const SensorView& view, const Candidate& candidate, double slope, EdgePoint* edge) {
+  const int u = std::clamp(candidate.walk.u, 1, view.width() - 2);
+  const int v = std::clamp(candidate.walk.v, 1, view.height() - 2);
+  const Eigen::Vector3d per_u = (RayAt(view, u + 1, v) - RayAt(view, u - 1, v)) / 2;
+  const Eigen::Vector3d per_v = (RayAt(view, u, v + 1) - RayAt(view, u, v - 1)) / 2;
+  const Eigen::Vector3d ray = edge->p / edge->p.z();
+  const Eigen::Vector3d turn = edge->axis == 0 ? per_v + slope * per_u : per_u + slope * per_v;
+  // The derivative of the point at which the ray meets the plane.
+  const Eigen::Vector3d along = turn - ray * (edge->normal.dot(turn) / edge->normal.dot(ray));
+  const Eigen::Vector3d square = along.cross(edge->normal).normalized();
+  edge->outward = square.dot(edge->outward) < 0 ? Eigen::Vector3d(-square) : square;
+}
+
+/// The candidates at which sides end along a line, of those along which too little else is known.
+std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candidate>& candidates,
+                                const std::vector<EdgePoint>& two_sided) {
+  Ends ends;
+  for (const Candidate& c : candidates) ends[KeyOf(c, c.line())].push_back(c.end());
+  std::map<int, int> known;  // two-sided points by axis
+  for (const EdgePoint& edge : two_sided) ++known[edge.axis];
+  std::vector<EdgePoint> edges;
+  for (const Candidate& candidate : candidates) {
+    double slope = 0;
+    if (known[candidate.edge.axis] >= kEnough || !FitSlope(candidate, ends, &slope)) continue;
+    edges.push_back(candidate.edge);
+    edges.back().one_sided = true;
+    TurnSquare(view, candidate, slope, &edges.back());
+  }
+  return edges;
+}
+
 }  // namespace
 
-std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides) {
+Silhouettes FindSilhouettes(const ConfidentSides& sides) {
   const SensorView& view = sides.view;
   const LabelImage& labels = sides.segmentation.labels;
-  std::vector<EdgePoint> found;
+  Silhouettes found;
+  std::vector<Candidate> candidates;
   view.VisitMeasured(1, [&](int u, int v) {
     const int label = sides.At(u, v);
     if (label == 0) return;
@@ -118,14 +208,21 @@ std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides) {
         continue;
       }
       plane.offset = plane.normal.dot(view.Point(in_u, in_v));
-      Walk walk{u, v, du, dv, 0, u, v};
-      EdgePoint edge;
-      edge.label = label;
-      if (WalkToEnd(sides, plane, &walk) && SeesPast(view, walk, plane) &&
-          EdgeAt(view, walk, plane, 0.5 + walk.gap * kShareOfGap, walk.gap + 1, &edge))
-        found.push_back(edge);
+      Candidate candidate;
+      candidate.walk = {u, v, du, dv, 0, u, v};
+      candidate.edge.label = label;
+      const Walk& walk = candidate.walk;
+      if (!WalkToEnd(sides, plane, &candidate.walk) || !SeesPast(view, walk, plane)) continue;
+      const int gap = std::min(walk.gap, kMaxGap);
+      if (!EdgeAt(view, walk, plane, 0.5 + gap * kShareOfGap, gap + 1, &candidate.edge)) continue;
+      if (walk.gap <= kMaxGap) {
+        found.two_sided.push_back(candidate.edge);
+      } else {
+        candidates.push_back(std::move(candidate));
+      }
     }
   });
+  found.one_sided = Straight(view, candidates, found.two_sided);
   return found;
 }
 

@@ -25,8 +25,19 @@ struct ConfidentSides {
   }
 };
 
+struct Silhouettes {
+  /// Where the depth behind the edge was measured, across a gap of a few pixels at most.
+  std::vector<EdgePoint> two_sided;
+  /// Where a wider gap follows, or nothing at all up to the border of the picture. The depth of the
+  /// side itself may be what is missing. So these are only points at which the side ends along a
+  /// straight line. No such end are a hole (the same plane goes on behind it), what is hidden (the
+  /// next depth is nearer), and the border of the picture with the band along it that some sensors
+  /// leave empty. Only in views that have few two-sided ones along the same image axis.
+  std::vector<EdgePoint> one_sided;
+};
+
 /// From every pixel of a side whose neighbour is none of it, across that border to where the side's
-/// surface ends and the depth behind it was measured, across a gap of a few pixels at most.
-std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides);
+/// surface ends.
+Silhouettes FindSilhouettes(const ConfidentSides& sides);
 
 }  // namespace volalign
