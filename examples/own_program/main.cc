@@ -1,5 +1,6 @@
 // The whole program volalign with a loss, a network and a noise model of its own:
-// `own_program train --config recipe.yaml -o run`, then `own_program calibrate --model run/model.safetensors ...`.
+// `own_program train --config recipe.yaml -o run`, then
+// `own_program calibrate --model run/model.safetensors ...`.
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/log_softmax.h>
 #include <ATen/ops/one_hot.h>

@@ -84,8 +84,7 @@ std::string SensorTable(const std::vector<FrameResult>& sensors) {
       "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
       "structure, of those within 10 cm;\nsigma: one standard deviation of the sensor's position "
       "in the direction in which it is known least, and of its rotation about the axis about which "
-      "it is known least;\ninliers: labelled points on the structure; refined: no where the "
-      "initial pose was kept";
+      "it is known least;\ninliers: labelled points on the structure";
   if (truth) text += "; error: against the capture's ground truth";
   return text + '\n';
 }

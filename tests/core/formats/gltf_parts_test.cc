@@ -16,6 +16,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/formats/glb_chunks.h"
 
 namespace volalign::gltf_parts_test {
 namespace {
@@ -140,37 +141,12 @@ TEST(GltfParts, WritesABinaryFile) {
   EXPECT_EQ(head[2], bytes.size());
 }
 
-/// The two chunks of a .glb, read by the format's own definition (glTF 2.0, section 4.4).
-struct Glb {
-  json content;
-  std::string binary;
-
-  static std::uint32_t Word(const std::string& bytes, std::size_t at) {
-    std::uint32_t word = 0;
-    for (int i = 3; i >= 0; --i)
-      word = word << 8 | static_cast<unsigned char>(bytes.at(at + static_cast<std::size_t>(i)));
-    return word;
-  }
-  static Glb Parse(const std::string& bytes) {
-    Glb glb;
-    EXPECT_EQ(bytes.substr(0, 4), "glTF");
-    EXPECT_EQ(Word(bytes, 4), 2u);
-    EXPECT_EQ(Word(bytes, 8), bytes.size());
-    const std::uint32_t json_size = Word(bytes, 12);
-    EXPECT_EQ(bytes.substr(16, 4), "JSON");
-    EXPECT_EQ(json_size % 4, 0u);
-    glb.content = json::parse(bytes.substr(20, json_size));
-    const std::uint32_t binary_size = Word(bytes, 20 + json_size);
-    EXPECT_EQ(bytes.substr(24 + json_size, 4), std::string("BIN\0", 4));
-    EXPECT_EQ(binary_size % 4, 0u);
-    EXPECT_EQ(28 + json_size + binary_size, bytes.size());
-    glb.binary = bytes.substr(28 + json_size, binary_size);
-    return glb;
-  }
+struct Glb : GlbChunks {
+  using GlbChunks::GlbChunks;
   template <class T>
   T At(const json& accessor, std::size_t element, std::size_t component,
        std::size_t components) const {
-    const json& view = content.at("bufferViews").at(accessor.at("bufferView").get<std::size_t>());
+    const json& view = document.at("bufferViews").at(accessor.at("bufferView").get<std::size_t>());
     T value;
     std::memcpy(&value,
                 binary.data() + view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u) +
@@ -202,8 +178,8 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
   const TempFolder folder;
   for (const Structure& structure : {ReadStructure("configs/structure.yaml"), RandomStructure()}) {
     WriteStructureGlb(folder / "a.glb", structure);
-    const Glb glb = Glb::Parse(ReadFile(folder / "a.glb"));
-    const json& root = glb.content;
+    const Glb glb(ReadFile(folder / "a.glb"));
+    const json& root = glb.document;
     EXPECT_EQ(root.at("asset").at("version"), "2.0");
     ASSERT_EQ(root.at("buffers").size(), 1u);
     EXPECT_LE(root.at("buffers")[0].at("byteLength").get<std::size_t>(), glb.binary.size());

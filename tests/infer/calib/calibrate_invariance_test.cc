@@ -131,7 +131,7 @@ TEST(Invariance, AnyOrderOfTheSensors) {
 }
 
 TEST(Invariance, AnyTurnOfThePictures) {
-  // Blocks of the picture are held out and thinned by their place in it, so that a turned frame
+  // Points are gathered in blocks and thinned by their place in the picture: a turned frame
   // with errors gives another sample of them.
   const Rig rig = NoiseFreeRing();
   const CalibrationResult upright = CalibrateRig(rig);

@@ -158,31 +158,14 @@ TEST(InitialPose, NothingLabelledFindsNothing) {
 namespace volalign::paper_pose_test {
 namespace {
 
+using initial_pose_test::Estimate;
 using testing_infer::Certain;
 using testing_infer::Kinect;
 using testing_infer::LabelOf;
+using testing_infer::LabelsOf;
 using testing_infer::PaperStructure;
 using testing_infer::Render;
 using testing_infer::RingPose;
-
-std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
-  std::vector<int> labels;
-  labels.reserve(names.size());
-  for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
-  return labels;
-}
-
-struct Outcome {
-  bool found = false;
-  PoseError error;
-};
-
-Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage& depth,
-                 const LabelImage& labels, const InitialPoseOptions& options = {}) {
-  const SensorView view = MakeSensorView(depth, Kinect());
-  const InitialPose pose = EstimateInitialPose(view, Certain(labels), structure, options);
-  return {pose.found, ComparePoses(pose.structure_from_sensor, truth)};
-}
 
 /// The paper's estimate is the least-squares pose between the medians of the sides' pixels, found
 /// here by sorting, and the centroids of what is exposed of them: every small step away from it

@@ -137,15 +137,8 @@ TEST(SidePatch, ALabelOnTwoSurfacesGivesBoth) {
 namespace volalign::sides_fix_pose_test {
 namespace {
 
-using testing_infer::LabelOf;
+using testing_infer::LabelsOf;
 using testing_infer::PaperStructure;
-
-std::vector<int> LabelsOf(const Structure& structure, const std::vector<std::string>& names) {
-  std::vector<int> labels;
-  labels.reserve(names.size());
-  for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
-  return labels;
-}
 
 TEST(SidesFixPose, KnowsTheStructuresCollinearKeypoints) {
   const Structure structure = PaperStructure();

@@ -67,6 +67,27 @@ inline Pose Displaced(const Pose& pose, double translation, double rotation_deg,
   return moved;
 }
 
+inline Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
+  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
+}
+
+inline Pose RandomPose(RandomStream& random) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp(RandomVector(random, 1.5));
+  pose.translation() = RandomVector(random, 2);
+  return pose;
+}
+
+/// A silhouette where a face was seen.
+inline refine_internal::EdgeObservation EdgeOf(const refine_internal::FaceObservation& face) {
+  refine_internal::EdgeObservation edge;
+  edge.p = face.p;
+  edge.label = face.label;
+  edge.pixel = 0.008;
+  edge.variance = 0.1;
+  return edge;
+}
+
 /// Two neighbours that see the structure and the floor, where they stand.
 struct Neighbours {
   Rig rig{PaperStructure(), {}, {}};

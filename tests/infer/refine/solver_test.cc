@@ -82,16 +82,7 @@ TEST(CeresVersion, BeginsWithItsNumber) {
 namespace volalign::refine_internal::pose_block_test {
 namespace {
 
-Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
-  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
-}
-
-Pose RandomPose(RandomStream& random) {
-  Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(RandomVector(random, 1.5));
-  pose.translation() = RandomVector(random, 2);
-  return pose;
-}
+using testing_infer::RandomPose;
 
 TEST(LeftPoseManifold, PlusIsPerturbLeft) {
   RandomStream random(5, 0, "plus");

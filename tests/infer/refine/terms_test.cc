@@ -232,16 +232,8 @@ TEST(BuildCeresProblem, HoldsWhatIsNotFree) {
 namespace volalign::refine_internal::costs_test {
 namespace {
 
-Eigen::Vector3d RandomVector(RandomStream& random, double scale) {
-  return {random.Normal(0, scale), random.Normal(0, scale), random.Normal(0, scale)};
-}
-
-Pose RandomPose(RandomStream& random) {
-  Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(RandomVector(random, 1.5));
-  pose.translation() = RandomVector(random, 2);
-  return pose;
-}
+using testing_infer::RandomPose;
+using testing_infer::RandomVector;
 
 /// Jacobians by central differences, over PerturbLeft in a pose's tangent space and over other
 /// parameters as they stand, against the cost's own (times PlusJacobian). Parameters: the poses,
@@ -616,11 +608,7 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   const BuildModel model(structure);
   const Pose pose = RingPose(20);
   FrameObservations observed = Observe(structure, pose, 50);
-  EdgeObservation edge;
-  edge.p = observed.faces.front().p;
-  edge.label = observed.faces.front().label;
-  edge.pixel = 0.008;
-  edge.variance = 0.1;
+  const EdgeObservation edge = testing_infer::EdgeOf(observed.faces.front());
   observed.edges = {edge, edge};
   observed.edges[1].edge = 2;
   SetCovariance(model, pose, &observed);
@@ -793,11 +781,7 @@ TEST(SetCovariance, IsThatOfItsParts) {
   const BuildModel model(structure);
   const Pose pose = RingPose(20);
   FrameObservations observed = Observe(structure, pose, 40);
-  EdgeObservation edge;
-  edge.p = observed.faces.front().p;
-  edge.label = observed.faces.front().label;
-  edge.pixel = 0.008;
-  edge.variance = 0.1;
+  const EdgeObservation edge = testing_infer::EdgeOf(observed.faces.front());
   observed.edges = {edge, edge, edge};
   observed.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
   observed.edges[2].edge = 2;  // another line: nothing in common

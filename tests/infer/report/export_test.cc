@@ -683,7 +683,7 @@ TEST_F(ExportTest, AFullDiskLeavesTheEarlierResult) {
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
   const std::string report = FormatReport(*result_);
-  for (const std::string part : {"left", "right", "blind", "no_depth", "refined: no where",
+  for (const std::string part : {"left", "right", "blind", "no_depth", "inliers: labelled",
                                  "2 of 3 sensors placed", "verdict: failed", "d1"}) {
     EXPECT_NE(report.find(part), std::string::npos) << part << " is not in\n" << report;
   }

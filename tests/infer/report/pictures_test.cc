@@ -21,6 +21,7 @@
 #include "infer/report/panels.h"
 #include "infer/report/rig_gltf.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/formats/glb_chunks.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pictures_test {
@@ -255,31 +256,9 @@ using testing_infer::Kinect;
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-std::uint32_t Word(const std::string& bytes, std::size_t at) {
-  std::uint32_t word = 0;
-  for (std::size_t i = 4; i-- > 0;) word = word << 8 | static_cast<std::uint8_t>(bytes.at(at + i));
-  return word;
-}
-
-/// A .glb taken apart by the specification (glTF 2.0, sections 3 and 4), with the checks that its
-/// validator makes of what we write.
-struct Glb {
-  json document;
-  std::string binary;
-
-  explicit Glb(const std::string& bytes) {
-    EXPECT_EQ(bytes.substr(0, 4), "glTF");
-    EXPECT_EQ(Word(bytes, 4), 2u);
-    EXPECT_EQ(Word(bytes, 8), bytes.size());
-    const std::size_t length = Word(bytes, 12);
-    EXPECT_EQ(bytes.substr(16, 4), "JSON");
-    EXPECT_EQ(length % 4, 0u);
-    document = json::parse(bytes.substr(20, length));
-    const std::size_t at = 20 + length;
-    EXPECT_EQ(bytes.substr(at + 4, 4), std::string("BIN\0", 4));
-    EXPECT_EQ(Word(bytes, at) % 4, 0u);
-    EXPECT_EQ(at + 8 + Word(bytes, at), bytes.size());
-    binary = bytes.substr(at + 8);
+/// With the checks that a validator of glTF makes of what we write.
+struct Glb : GlbChunks {
+  explicit Glb(const std::string& bytes) : GlbChunks(bytes) {
     EXPECT_EQ(document["asset"]["version"], "2.0");
     EXPECT_LE(document["buffers"][0]["byteLength"].get<std::size_t>(), binary.size());
     CheckTree();

@@ -32,6 +32,13 @@ inline int LabelOf(const Structure& structure, const std::string& name) {
   return 0;
 }
 
+inline std::vector<int> LabelsOf(const Structure& structure,
+                                 const std::vector<std::string>& names) {
+  std::vector<int> labels;
+  for (const std::string& name : names) labels.push_back(LabelOf(structure, name));
+  return labels;
+}
+
 inline Intrinsics Kinect() {
   Intrinsics intrinsics;
   intrinsics.width = 320;
