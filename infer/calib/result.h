@@ -124,7 +124,7 @@ struct SolveReport {
   int rounds = 0;  ///< joint refinements, each from other labels, frames or lenses
   /// The last one ended by its tolerances and moved no sensor by more than its sigma.
   bool settled = false;
-  bool converged = false;  ///< it ended by its tolerances, not by refine.inner_iterations
+  bool converged = false;  ///< it ended by its tolerances, not by the most iterations
   double moved_m = 0;      ///< how far it moved the sensor that it moved farthest
   double moved_px = 0;     ///< how far the last change of a lens moved a picture
 };

@@ -114,7 +114,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   if (!facts.unsettled.empty()) {
     return Finding{SensorCode::kUnsettled,
                    fmt::format("the joint solution has not settled: {}", facts.unsettled),
-                   "let the sensors see more of the stack, or raise refine.inner_iterations"};
+                   "let the sensors see more of the stack"};
   }
   const PoseQuality& quality = facts.quality;
   if (quality.inlier_share < options.weak_inlier_share) {

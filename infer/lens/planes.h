@@ -22,7 +22,7 @@ struct LargePlane {
 };
 
 /// The large planes of a view. Those with less than `min_picture_area` are left out: the default is
-/// a sixteenth of an Azure Kinect's picture (1.96).
+/// an eighteenth of an Azure Kinect's picture (1.96).
 std::vector<LargePlane> FindLargePlanes(const SensorView& view, double min_picture_area = 0.11);
 
 }  // namespace volalign
