@@ -1,6 +1,7 @@
 #include "infer/refine/costs.h"
 
 #include <ceres/autodiff_cost_function.h>
+#include <ceres/normal_prior.h>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -37,9 +38,41 @@ Eigen::Vector3d Transform(const double* pose, const Eigen::Vector3d& p) {
   return Rotate(pose, p) + Eigen::Vector3d(pose[4], pose[5], pose[6]);
 }
 
+/// Standard deviations, m and rad.
+struct PoseSigmas {
+  double translation, rotation;
+};
+
+/// [apart; 2 vec(turn)] over their standard deviations.
+template <class T>
+void Whiten(const Eigen::Matrix<T, 3, 1>& apart, Eigen::Quaternion<T> turn,
+            const PoseSigmas& sigmas, T* residuals) {
+  if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
+  for (int k = 0; k < 3; ++k) {
+    residuals[k] = apart[k] / T(sigmas.translation);
+    residuals[3 + k] = T(2) * turn.coeffs()[k] / T(sigmas.rotation);
+  }
+}
+
+/// See PosePriorCost.
+struct PosePrior {
+  Pose prior;
+  PoseSigmas sigmas;
+
+  template <class T>
+  bool operator()(const T* pose, T* residuals) const {
+    const Eigen::Quaternion<T> q = Eigen::Map<const Eigen::Quaternion<T>>(pose).normalized();
+    const Eigen::Matrix<T, 3, 1> origin = prior.inverse().translation().cast<T>();
+    const Eigen::Matrix<T, 3, 1> apart =
+        q * origin + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(pose + 4);
+    Whiten(apart, q * Eigen::Quaterniond(prior.linear()).conjugate().cast<T>(), sigmas, residuals);
+    return true;
+  }
+};
+
 /// See TieCost.
 struct Tie {
-  double sigma_translation, sigma_rotation;
+  PoseSigmas sigmas;
 
   template <class T>
   bool operator()(const T* placement_a, const T* pose_a, const T* placement_b, const T* pose_b,
@@ -53,12 +86,8 @@ struct Tie {
     const Quaternion of_a = rotation(placement_a), of_b = rotation(placement_b);
     const Vector apart = of_b * translation(pose_b) + translation(placement_b) -
                          (of_a * translation(pose_a) + translation(placement_a));
-    Quaternion turn = (of_b * rotation(pose_b)) * (of_a * rotation(pose_a)).conjugate();
-    if (turn.w() < T(0)) turn.coeffs() = -turn.coeffs();
-    for (int k = 0; k < 3; ++k) {
-      residuals[k] = apart[k] / T(sigma_translation);
-      residuals[3 + k] = T(2) * turn.coeffs()[k] / T(sigma_rotation);
-    }
+    Whiten(apart, (of_b * rotation(pose_b)) * (of_a * rotation(pose_a)).conjugate(), sigmas,
+           residuals);
     return true;
   }
 };
@@ -78,7 +107,29 @@ struct Drift {
 
 ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation) {
   return new ceres::AutoDiffCostFunction<Tie, 6, 7, 7, 7, 7>(
-      new Tie{sigma_translation, sigma_rotation});
+      new Tie{{sigma_translation, sigma_rotation}});
+}
+
+ceres::CostFunction* PosePriorCost(const Pose& prior, double sigma_translation,
+                                   double sigma_rotation) {
+  return new ceres::AutoDiffCostFunction<PosePrior, 6, 7>(
+      new PosePrior{prior, {sigma_translation, sigma_rotation}});
+}
+
+ceres::CostFunction* PriorCost(const Eigen::VectorXd& sigmas) {
+  return new ceres::NormalPrior(sigmas.cwiseInverse().asDiagonal().toDenseMatrix(),
+                                Eigen::VectorXd::Zero(sigmas.size()));
+}
+
+ceres::CostFunction* LensEvidenceCost(const LensEvidence& evidence) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(evidence.information);
+  const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0);
+  // Along what the planes say nothing of, any mean will do.
+  const double least = 1e-12 * values.maxCoeff();
+  const Eigen::Vector3d moment = solver.eigenvectors().transpose() * evidence.moment;
+  const Eigen::Vector3d mean = (values.array() > least).select(moment.cwiseQuotient(values), 0);
+  return new ceres::NormalPrior(values.cwiseSqrt().asDiagonal() * solver.eigenvectors().transpose(),
+                                solver.eigenvectors() * mean);
 }
 
 ceres::CostFunction* DriftCost(double sigma) {
@@ -174,69 +225,6 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
       Eigen::Quaterniond(parameters[0]).conjugate() * Rotate(parameters[1], match.n_b);
   add(weight * normal_in_a.transpose(), match.a, seen_a, p.z(), 0, kLens);
   add(-weight * match.n_b.transpose(), match.b, seen_b, q.z(), 1, lens_b);
-}
-
-LensEvidenceCost::LensEvidenceCost(const LensEvidence& evidence) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(evidence.information);
-  const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0);
-  const double least = 1e-12 * values.maxCoeff();
-  root_ = values.cwiseSqrt().asDiagonal() * solver.eigenvectors().transpose();
-  const Eigen::Vector3d moment = solver.eigenvectors().transpose() * evidence.moment;
-  for (int k = 0; k < kLensParameters; ++k)
-    target_[k] = values[k] > least ? moment[k] / std::sqrt(values[k]) : 0;
-}
-
-bool LensEvidenceCost::Evaluate(double const* const* parameters, double* residuals,
-                                double** jacobians) const {
-  Eigen::Map<Eigen::Vector3d>{residuals} =
-      root_ * Eigen::Map<const LensChange>(parameters[0]) - target_;
-  if (jacobians && jacobians[0])
-    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{jacobians[0]} = root_;
-  return true;
-}
-
-bool PosePriorCost::Evaluate(double const* const* parameters, double* residuals,
-                             double** jacobians) const {
-  const double* pose = parameters[0];
-  const Eigen::Vector3d u(pose[0], pose[1], pose[2]);
-  const Eigen::Vector3d u0(prior_.values[0], prior_.values[1], prior_.values[2]);
-  const double w0 = prior_.values[3];
-  const Eigen::Vector3d turn = -pose[3] * u0 + w0 * u + u0.cross(u);
-  Eigen::Map<Vector6d> r(residuals);
-  const Eigen::Quaterniond q(pose);
-  r.head<3>() =
-      (q.normalized() * origin_ + Eigen::Vector3d(pose[4], pose[5], pose[6])) / sigma_translation_;
-  r.tail<3>() = 2 * turn / sigma_rotation_;
-  if (jacobians && jacobians[0]) {
-    Eigen::Map<Eigen::Matrix<double, 6, 7, Eigen::RowMajor>> j(jacobians[0]);
-    j.setZero();
-    j.block<3, 4>(0, 0) = RotatedPointJacobian(pose, origin_) / sigma_translation_;
-    j.block<3, 3>(0, 4) = Eigen::Matrix3d::Identity() / sigma_translation_;
-    j.block<3, 3>(3, 0) = 2 / sigma_rotation_ * (w0 * Eigen::Matrix3d::Identity() + Cross(u0));
-    j.block<3, 1>(3, 3) = -2 / sigma_rotation_ * u0;
-  }
-  return true;
-}
-
-PriorCost::PriorCost(std::vector<double> sigmas) : sigmas_(std::move(sigmas)) {
-  set_num_residuals(static_cast<int>(sigmas_.size()));
-  *mutable_parameter_block_sizes() = {static_cast<int>(sigmas_.size())};
-}
-
-bool PriorCost::Evaluate(double const* const* parameters, double* residuals,
-                         double** jacobians) const {
-  const auto n = static_cast<Eigen::Index>(sigmas_.size());
-  for (std::size_t i = 0; i < sigmas_.size(); ++i) residuals[i] = parameters[0][i] / sigmas_[i];
-  if (jacobians && jacobians[0]) {
-    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> j(
-        jacobians[0], n, n);
-    j.setZero();
-    for (std::size_t i = 0; i < sigmas_.size(); ++i) {
-      const auto d = static_cast<Eigen::Index>(i);
-      j(d, d) = 1 / sigmas_[i];
-    }
-  }
-  return true;
 }
 
 }  // namespace volalign::refine_internal

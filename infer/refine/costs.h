@@ -2,7 +2,7 @@
 
 // Terms of the joint refinement over single points, and priors. Not for callers of Refine.
 
-#include <ceres/sized_cost_function.h>
+#include <ceres/cost_function.h>
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -76,35 +76,13 @@ class MeasuredOverlapCost : public ceres::CostFunction {
 };
 
 /// 0.5 |residuals|^2 is -log-likelihood of a lens change, but for a constant.
-class LensEvidenceCost : public ceres::SizedCostFunction<kLensParameters, kLensParameters> {
- public:
-  explicit LensEvidenceCost(const LensEvidence& evidence);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  Eigen::Matrix3d root_;
-  Eigen::Vector3d target_;
-};
+ceres::CostFunction* LensEvidenceCost(const LensEvidence& evidence);
 
 /// A loose prior on the pose: [(T p0 - T0 p0) / sigma_t; 2 vec(q q0^-1) / sigma_r], p0 the sensor's
 /// point that T0 takes to the structure's origin. It decides nothing but directions that no
 /// measurement constrains, whose variance it bounds.
-class PosePriorCost : public ceres::SizedCostFunction<6, 7> {
- public:
-  PosePriorCost(const Pose& prior, double sigma_translation, double sigma_rotation)
-      : prior_(prior),
-        origin_(prior.inverse().translation()),
-        sigma_translation_(sigma_translation),
-        sigma_rotation_(sigma_rotation) {}
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  PoseBlock prior_;
-  Eigen::Vector3d origin_;  // sensor frame
-  double sigma_translation_, sigma_rotation_;
-};
+ceres::CostFunction* PosePriorCost(const Pose& prior, double sigma_translation,
+                                   double sigma_rotation);
 
 /// How far a sensor stands and looks apart in two stills, over standard deviations of m and rad:
 /// [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses P_a T_a and P_b T_b. Parameters: P_a, T_a, P_b, T_b.
@@ -114,14 +92,6 @@ ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation);
 ceres::CostFunction* DriftCost(double sigma);
 
 /// parameters / sigma, element by element.
-class PriorCost : public ceres::CostFunction {
- public:
-  explicit PriorCost(std::vector<double> sigmas);
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override;
-
- private:
-  std::vector<double> sigmas_;
-};
+ceres::CostFunction* PriorCost(const Eigen::VectorXd& sigmas);
 
 }  // namespace volalign::refine_internal

@@ -59,24 +59,30 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
   return variances;
 }
 
-/// Of the edges, for scale 1.
-Eigen::MatrixXd EdgeCovariance(const FrameObservations& observed) {
-  const double tolerance = std::hypot(kLineTolerance, observed.noise.line);
-  const auto n = static_cast<Eigen::Index>(observed.edges.size());
-  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const EdgeObservation& a = observed.edges[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j <= i; ++j) {
-      const EdgeObservation& b = observed.edges[static_cast<std::size_t>(j)];
-      if (a.label != b.label || a.edge != b.edge) continue;
-      const double correlation = Correlation((Bearing(a.p) - Bearing(b.p)).norm(), kEdgeLength);
-      covariance(i, j) = covariance(j, i) =
-          a.pixel * b.pixel * kEdgeCommon * kEdgeCommon * correlation + tolerance * tolerance;
+/// Of the edges, m^2: `own` for scale 1, and what the points of an edge have in common, per px^2.
+struct EdgeCovariance {
+  explicit EdgeCovariance(const FrameObservations& observed) {
+    const double tolerance = std::hypot(kLineTolerance, observed.noise.line);
+    const auto n = static_cast<Eigen::Index>(observed.edges.size());
+    own = common = Eigen::MatrixXd::Zero(n, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const EdgeObservation& a = observed.edges[static_cast<std::size_t>(i)];
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        const EdgeObservation& b = observed.edges[static_cast<std::size_t>(j)];
+        if (a.label != b.label || a.edge != b.edge) continue;
+        const double correlation = Correlation((Bearing(a.p) - Bearing(b.p)).norm(), kEdgeLength);
+        common(i, j) = common(j, i) = a.pixel * b.pixel * correlation;
+        own(i, j) = own(j, i) = tolerance * tolerance;
+      }
+      own(i, i) += a.pixel * a.pixel * a.variance;
     }
-    covariance(i, i) += a.pixel * a.pixel * a.variance;
   }
-  return covariance;
-}
+  /// The common error is no smaller than the rounding to a pixel.
+  Eigen::MatrixXd At(double scale) const {
+    return scale * scale * own + Square(std::max(scale * kEdgeCommon, StepSigma())) * common;
+  }
+  Eigen::MatrixXd own, common;
+};
 
 /// Lower Cholesky factor; filled with NaN where there is none.
 Eigen::MatrixXd LowerRoot(const Eigen::MatrixXd& covariance) {
@@ -153,12 +159,12 @@ DepthErrorModel FitErrors(const BuildModel& model, const Pose& pose,
 /// Scale of the silhouettes' errors.
 void FitEdgeNoise(const FrameObservations& sample, const Linearised& edges, NoiseModel* noise) {
   const Eigen::MatrixXd rest = edges.shared * edges.shared.transpose();
-  const Eigen::MatrixXd own = EdgeCovariance(sample);
+  const EdgeCovariance covariance(sample);
   MinimiseOverLog(
       kLeastEdge, 1 / kLeastEdge,
       [&](double scale) {
         const double unusual = std::log(scale) / kEdgeSpread;
-        return RestrictedCost(scale * scale * own + rest, edges.residuals, edges.by_pose) +
+        return RestrictedCost(covariance.At(scale) + rest, edges.residuals, edges.by_pose) +
                0.5 * unusual * unusual;
       },
       &noise->edge);
@@ -178,8 +184,7 @@ void SetCovariance(const BuildModel& model, const Pose& pose, FrameObservations*
                           MovementOf(model, pose, *observed).Covariance(noise.depth.smooth_rad);
   faces.diagonal() += FaceVariances(model, pose, *observed);
   observed->face_root = LowerRoot(faces);
-  const Eigen::MatrixXd edges = noise.edge * noise.edge * EdgeCovariance(*observed);
-  observed->edge_root = LowerRoot(edges);
+  observed->edge_root = LowerRoot(EdgeCovariance(*observed).At(noise.edge));
 }
 
 void FitNoise(const BuildModel& model, const DepthErrorModel& usual,

@@ -51,9 +51,8 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
 /// Priors of a block whose columns begin at `column`.
 void AddPriors(const Eigen::VectorXd& sigmas, Eigen::Index column, std::size_t count,
                double* values, CeresProblem* ceres) {
-  const double* first = sigmas.data() + column;
-  ceres->problem->AddResidualBlock(new PriorCost(std::vector<double>(first, first + count)),
-                                   nullptr, values);
+  ceres->problem->AddResidualBlock(
+      PriorCost(sigmas.segment(column, static_cast<Eigen::Index>(count))), nullptr, values);
 }
 
 /// Priors of the errors of frames whose poses are sought, and of their sensors.
@@ -118,7 +117,7 @@ void AddPlacements(const ParameterLayout& layout, const Eigen::VectorXd& sigmas,
     }
     const Eigen::Index column = layout.Placement(still);
     ceres->problem->AddResidualBlock(
-        new PosePriorCost(state->placements[still].ToPose(), sigmas[column], sigmas[column + 3]),
+        PosePriorCost(state->placements[still].ToPose(), sigmas[column], sigmas[column + 3]),
         nullptr, placement);
   }
 }
@@ -144,7 +143,7 @@ void AddLensTerms(const JointProblem& problem, const Eigen::VectorXd& sigmas, St
   for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
     double* change = state->lenses[lens].data();
     AddPriors(sigmas, problem.layout.Lens(lens), kLensParameters, change, ceres);
-    ceres->problem->AddResidualBlock(new LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
+    ceres->problem->AddResidualBlock(LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
                                      change);
   }
 }
@@ -192,8 +191,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
     const Eigen::Index column = layout.Pose(i);
     ceres.problem->AddResidualBlock(
-        new PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr,
-        pose);
+        PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr, pose);
     if (!constant[static_cast<std::size_t>(column)])
       AddStructureTerms(problem, observed[i], i, state, &ceres);
   }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "core/base/random.h"
@@ -345,11 +346,12 @@ TEST(RefineCosts, PosePriorDerivative) {
     const Pose prior = RandomPose(random);
     Vector6d delta;
     for (int i = 0; i < 6; ++i) delta[i] = random.Normal(0, 0.2);
-    ExpectDerivatives(PosePriorCost(prior, 0.5, 0.3), {PerturbLeft(delta, prior)}, {}, 6);
+    const std::unique_ptr<ceres::CostFunction> cost(PosePriorCost(prior, 0.5, 0.3));
+    ExpectDerivatives(*cost, {PerturbLeft(delta, prior)}, {}, 6);
     const PoseBlock block(prior);
     const double* parameters[] = {block.values};
     Vector6d residual;
-    PosePriorCost(prior, 0.5, 0.3).Evaluate(parameters, residual.data(), nullptr);
+    cost->Evaluate(parameters, residual.data(), nullptr);
     EXPECT_LT(residual.norm(), 1e-12);
   }
 }
@@ -426,14 +428,14 @@ TEST(RefineCosts, LensEvidenceIsItsQuadraticForm) {
   evidence.information = root.transpose() * root;
   const LensChange mean(0, -0.3, 0.1);
   evidence.moment = evidence.information * mean;
-  const LensEvidenceCost cost(evidence);
+  const std::unique_ptr<ceres::CostFunction> cost(LensEvidenceCost(evidence));
   for (const LensChange& at :
        {LensChange(0, 0, 0), LensChange(0.02, -0.3, 0.1), LensChange(-0.01, 0.2, 0.3)}) {
     Eigen::Vector3d residuals;
     Eigen::Matrix<double, 3, 3, Eigen::RowMajor> jacobian;
     const double* block = at.data();
     double* jacobians = jacobian.data();
-    ASSERT_TRUE(cost.Evaluate(&block, residuals.data(), &jacobians));
+    ASSERT_TRUE(cost->Evaluate(&block, residuals.data(), &jacobians));
     EXPECT_NEAR(residuals.squaredNorm(), (root * (at - mean)).squaredNorm(), 1e-9);
     EXPECT_LT((jacobian.transpose() * residuals - evidence.information * (at - mean)).norm(), 1e-9);
   }
