@@ -59,7 +59,7 @@ NOT_RUN = [
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "evaluation", "orbbec", "own-boxes", "own-rig", "placements", "planning", "retrain", "sensor-models", "training")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "evaluation", "own-boxes", "own-rig", "retrain", "sensor-models", "training")]
 
 
 def all_pages():
@@ -221,40 +221,42 @@ class Tutorials(unittest.TestCase):
         self.assertIn("my_boxes", shown)
         self.expect_files("suggested.yaml", "build.svg", "target.svg", "plan.svg", "scores.json", "evaluated/evaluation.json", "rendered_out/report.html")
 
+    def write_recordings(self):
+        """Of three Femto Bolts, in recordings/; returns their true poses."""
+        self.write("bolts.yaml", self.paper_rig().replace("azure_kinect", "orbbec_femto_bolt"))
+        self.run_command("volalign render --rig bolts.yaml -o bolts")
+        os.mkdir(os.path.join(self.folder, "recordings"))
+        for name in "ABC":
+            frame = os.path.join(self.folder, "bolts", name)
+            write_orbbec_bag(os.path.join(self.folder, "recordings", f"{name}.bag"), f"{frame}_depth.png", f"{frame}_intrinsics.json")
+        with open(os.path.join(self.folder, "bolts/capture.json"), encoding="utf-8") as file:
+            return json.load(file)["ground_truth"]
+
+    def paper_rig(self):
+        return self.files_of("docs/own-boxes.md")["my_rig.yaml"].replace("my_boxes.yaml", "configs/structure.yaml")
+
     def test_own_rig(self):
+        truth = self.write_recordings()
         printed = self.run_page("docs/own-rig.md")
         self.assertIn("nothing moved", printed["volalign check --extrinsics out/extrinsics.json --capture my_rig.json"])
         self.expect_ok("out", 6)
-        self.expect_files("trajectory.json", "unity.json", "out/report.html", "out/clouds/merged.ply", "out/rig.glb")
-        formats = re.findall(r"^\| `(\w+)` \|", page("docs/conversion.md"), re.MULTILINE)
+        self.expect_files("trajectory.json", "unity.json", "out/report.html", "out/clouds/merged.ply", "out/rig.glb", "plan.svg")
+        self.assertGreater(len(self.extrinsics("studio/out")["placements"]), 2)
+        with open(os.path.join(self.folder, "recordings.json"), encoding="utf-8") as file:
+            for sensor in json.load(file)["sensors"]:
+                self.assertEqual((sensor["sensor"], sensor["depth_scale"]), ("orbbec_femto_bolt", 0.001))
+        for name, sensor in self.expect_ok("recordings_out", 3).items():
+            error = math.dist(*([row[3] for row in pose[:3]] for pose in (sensor["structure_from_sensor"], truth[name])))
+            self.assertLess(error, 0.03)
+        formats = re.findall(r"^\| `(\w+)` \|", page("docs/conversion.md").split("## Formats")[1], re.MULTILINE)
         self.assertIn("tum", formats)
         for name in formats:
             if name != "livescan3d_azure":  # it needs what these sensors have not, a colour camera
                 self.run_command(f"volalign convert out --to {name} -o converted_{name}")
                 self.expect_files(f"converted_{name}")
 
-    def test_orbbec(self):
-        own = self.files_of("docs/own-boxes.md")
-        self.write("my_boxes.yaml", own["my_boxes.yaml"])
-        self.write("my_rig.yaml", own["my_rig.yaml"].replace("azure_kinect", "orbbec_femto_bolt"))
-        self.run_command("volalign render --rig my_rig.yaml -o rendered")
-        os.mkdir(os.path.join(self.folder, "frames"))
-        for name in "ABC":
-            frame = os.path.join(self.folder, "rendered", name)
-            write_orbbec_bag(os.path.join(self.folder, "frames", f"{name}.bag"), f"{frame}_depth.png", f"{frame}_intrinsics.json")
-        self.run_page("docs/orbbec.md")
-        with open(os.path.join(self.folder, "frames/capture.json"), encoding="utf-8") as file:
-            capture = json.load(file)["sensors"]
-        for sensor in capture:
-            self.assertEqual((sensor["sensor"], sensor["depth_scale"]), ("orbbec_femto_bolt", 0.001))
-        with open(os.path.join(self.folder, "rendered/capture.json"), encoding="utf-8") as file:
-            truth = json.load(file)["ground_truth"]
-        for name, sensor in self.expect_ok("out", 3).items():
-            error = math.dist(*([row[3] for row in pose[:3]] for pose in (sensor["structure_from_sensor"], truth[name])))
-            self.assertLess(error, 0.03)
-
     def test_check(self):
-        rig = self.files_of("docs/own-boxes.md")["my_rig.yaml"].replace("my_boxes.yaml", "configs/structure.yaml")
+        rig = self.paper_rig()
         self.write("then.yaml", rig)
         self.write("now.yaml", rig.replace("seed: 1", "seed: 2").replace("rho_cm: 210", "rho_cm: 215"))
         self.run_command("volalign render --rig then.yaml -o then")
@@ -266,14 +268,6 @@ class Tutorials(unittest.TestCase):
     def test_retrain(self):
         self.run_page("docs/retrain.md")
         self.expect_files("preview/preview.png", "runs/m03/model.safetensors", "evaluated/evaluation.json")
-
-    def test_placements(self):
-        self.run_page("docs/placements.md")
-        self.assertGreater(len(self.extrinsics("studio/out")["placements"]), 2)
-
-    def test_planning(self):
-        self.run_page("docs/planning.md")
-        self.expect_files("plan.svg", "target.svg", "boxes.yaml", "build.svg")
 
     def test_deployment(self):
         self.run_page("docs/deployment.md")
