@@ -63,8 +63,8 @@ Errors of the refined poses, median / 95th percentile, of `{version}`{f", with a
 | sensors | position, mm | rotation, deg | measured on |
 |---|---|---|---|
 """ + "".join("| " + " | ".join(row) + " |\n" for row in rows) + f"""
-Of the {sensors} rendered sensors, {lost} were lost, {every['wrong']} placed wrongly and {every['weak']} reported as `weak`. Of the 68 % intervals {every['68 %']} hold the true value, of the
-95 % intervals {every['95 %']}.
+{lost} of the {sensors} rendered sensors were lost, {every['wrong']} were placed wrongly, and {every['weak']} were reported as `weak`. {every['68 %']} of the 68 % intervals and {every['95 %']} of
+the 95 % intervals hold the true value.
 
 """
 
