@@ -40,7 +40,7 @@ std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& ar
 /// The same of options that a sub-command does not have, for the arguments that its parser left.
 std::string UnknownOption(CLI::App* program);
 
-/// Markdown of every sub-command (docs/cli.md).
+/// Markdown of every sub-command: its options and its example.
 std::string CommandReference(CLI::App* program);
 
 /// A script for bash that completes sub-commands, options and their choices.

@@ -100,8 +100,7 @@ Command AddConfigCommand(CLI::App& program) {
       "config", "Print the reference of all keys or sub-commands, or a file with its defaults");
   app->require_subcommand(1);
   CLI::App* reference = app->add_subcommand("reference", "Markdown of every key (docs/config.md)");
-  CLI::App* commands =
-      app->add_subcommand("commands", "Markdown of every sub-command (docs/cli.md)");
+  CLI::App* commands = app->add_subcommand("commands", "Markdown of every sub-command's help");
   CLI::App* show = app->add_subcommand(
       "show", "A recipe, a rig or options of a calibration with its bases and defaults resolved");
   show->add_option("file", options->file, "e.g. configs/m05-lite.yaml")->required();

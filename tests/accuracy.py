@@ -4,7 +4,7 @@
     tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
     tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
-docs/evaluation.md, section "One table", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
+docs/results.md, section "Compare two versions of the program", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
 project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
 
 --guard measures every family of frames, prints one row per family, and compares it with the first program, or with the kept table

@@ -28,7 +28,7 @@ inline constexpr double kClearly = 3;
 /// millimetres off, and none is as thin.
 inline constexpr double kSamePlace = 0.02;
 /// m: how far a surface of the structure is off at a pose that is not refined. Such poses are 13 mm
-/// off in the median and up to 7 cm (docs/evaluation.md, "Network, geometry or both").
+/// off in the median and up to 7 cm (docs/results.md, "Network, geometry or both").
 inline constexpr double kRoughPose = 0.03;
 /// m: the step in which sensors give depths.
 inline constexpr double kDepthStep = 1e-3;

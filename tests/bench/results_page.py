@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures everything on docs/results.md and writes the page, and the accuracy of the README from it.
+"""Measures the part of docs/results.md between BEGIN and END and writes it, and the accuracy of the README from it.
 
     tests/bench/results_page.py VOLALIGN [--share 1] [--sections rigs,frames] [--work out/results] [-o docs/results.md]
 
@@ -29,6 +29,7 @@ MODEL = "models/m05-lite.safetensors"
 KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
 RIGS = [f"configs/rig_{name}.yaml" for name in ("ring8", "arc8", "ring4", "irregular")]
 STATUSES = ["ok", "weak", "failed"]
+BEGIN, END = "<!-- measured: written by tests/bench/results_page.py -->\n", "<!-- end of measured -->\n"
 
 SITUATIONS = [
     ("lens stated", [], []),
@@ -137,15 +138,16 @@ def rendered_rigs(page):
     page.command(f"volalign evaluate --model {MODEL} --rigs {' '.join(RIGS[:3])} \\", f"  {RIGS[3]} --sensors {KINECT} {D415} \\",
                  f"  --seeds {seeds} --set-rig assembly.position_mm=3 -o out/eval")
     page.add(f"""
-{sensors} sensors in {len(cases)} rigs, in furnished rooms, with sensor noise and the Azure Kinect's lens; the boxes stand 3 mm off their places (standard
-deviation along each axis). [evaluation.md](evaluation.md) explains the columns. Errors, median / 95th percentile / largest:""")
-    page.table(["rig", "sensors", "initial, mm", "deg", "refined, mm", "deg", "as built, mm", "deg"],
-               [[s["rig"], s["sensor_model"], *errors(s, "initial"), *errors(s, "refined"), *errors(s, "as_built_refined")] for s in summary])
+{sensors} sensors in {len(cases)} rigs stand in furnished rooms, with sensor noise and the Azure Kinect's lens. The boxes are 3 mm off their places (standard
+deviation along each axis). Errors, median / 95th percentile / largest:""")
+    page.table(["rig", "sensors", "initial, mm", "deg", "refined, mm", "deg"],
+               [[s["rig"], s["sensor_model"], *errors(s, "initial"), *errors(s, "refined")] for s in summary])
     page.add("""
-Placed sensors, and how often the stated intervals hold: the share of the six components of a pose's error within the covariance's 68 % and 95 % intervals.""")
-    page.table(["rig", "sensors", "placed", "weak", "lost", "wrong", "68 %", "95 %", "68 %, as built", "95 %, as built"],
+Placed sensors, and how often the stated intervals contain the true value:""")
+    page.table(["rig", "sensors", "placed", "weak", "lost", "wrong", "68 %", "95 %", "68 %, as built", "95 %, as built", "as built, mm", "deg"],
                [[s["rig"], s["sensor_model"], f"{s['placed']} of {s['sensors']}", str(s["weak"]), f"{s['lost']} of {s['fixable']}", str(s["wrong"]),
-                 *(percent(s[key]) for key in ("cover_68", "cover_95", "as_built_cover_68", "as_built_cover_95"))] for s in summary])
+                 *(percent(s[key]) for key in ("cover_68", "cover_95", "as_built_cover_68", "as_built_cover_95")), *errors(s, "as_built_refined")]
+                for s in summary if s["rig"].startswith("all")])
     page.add(f"Statuses: {statuses(cases)}.")
     if culprits(cases):
         page.add("Lost or wrong:")
@@ -159,9 +161,8 @@ def uncertainty(page, cases):
                        if "error" in sensor])
     page.add("### Uncertainty")
     page.add("""
-The same sensors: the share of each component of the error within one and two standard deviations of the covariance that the result states (68 % and 95 % of a
-normal distribution). The covariance is not fitted to these errors; the constants of the noise model (priors, correlation lengths) were chosen on seeds 1000 to 1005
-and 1010 to 1013, some of which are evaluated here. The columns "as built" above compare with another frame than the one that the covariance is about, and are lower.""")
+The share of each error component within one and two standard deviations of the stated covariance. A normal distribution has 68 % and 95 %. The constants of the
+noise model (priors, correlation lengths) were chosen on seeds 1000 to 1005 and 1010 to 1013, some of which are evaluated here.""")
     page.table(["component", "within one sigma", "within two"],
                [[name, percent((abs(ratios[:, k]) < 1).mean()), percent((abs(ratios[:, k]) < 2).mean())]
                 for k, name in enumerate(["position x", "position y (up)", "position z", "rotation about x", "about y (the vertical)", "about z"])])
@@ -171,18 +172,18 @@ def what_limits(page):
     page.add("""
 ### What limits accuracy
 
-Depth errors of the [sensor models](sensor-models.md) limit positions: a smooth warp (up to 0.19 px of disparity, some 15 mm at 2 m, for the D415; 1.4 to 5.6 mm for
-the Kinect), a constant of up to 11 mm, and multipath, on a structure that is half a metre wide. A rotation error of a tenth of a degree moves a sensor 2 m away by
-3.5 mm. Four boxes that are each 3 mm off their place also move the mean that fixes the frame by 1.5 mm along each axis.""")
+Depth errors of the [sensor models](sensor-models.md) limit positions, because the structure is only half a metre wide. These errors are a smooth warp (about 15 mm at 2 m for
+the D415, 1.4 to 5.6 mm for the Kinect), a constant of up to 11 mm, and multipath. A rotation error of 0.1 deg moves a sensor at 2 m by 3.5 mm. Four boxes that
+are each 3 mm off their place also move the frame by 1.5 mm along each axis.""")
 
 
 def estimates(page):
     seeds = page.seeds(1000, 4)
-    page.add("### What estimating more than poses is worth")
+    page.add("### Estimating more than poses")
     page.command(f"volalign evaluate ... --seeds {seeds} --compare refine.estimate=none,auto -o out/estimate")
     page.add("""
-The same rigs. In the second half of the table boxes are 5 mm and 0.5 deg off and all are too large or too small by 1 % (standard deviations; `--set-rig
-assembly.position_mm=5 assembly.yaw_deg=0.5 assembly.size_scale_percent=1`). Refined poses, median / 95th percentile / largest:""")
+The same rigs. The lower half of the table has worse boxes: 5 mm and 0.5 deg off, and all too large or too small by 1 % (standard deviations; `--set-rig
+assembly.position_mm=5 assembly.yaw_deg=0.5 assembly.size_scale_percent=1`). Refined poses:""")
     rows = []
     for name, words, changes in (("3mm", "3 mm", ["assembly.position_mm=3"]),
                                  ("5mm", "5 mm, 0.5 deg, 1 %", ["assembly.position_mm=5", "assembly.yaw_deg=0.5", "assembly.size_scale_percent=1"])):
@@ -204,10 +205,10 @@ def other_frames(page):
     result = json.loads(result.read_text())["results"][0]
     page.command("VOLALIGN_CAPTURES=FOLDER tests/accuracy.py build/release/cli/volalign --parts foreign,real")
     page.add("""
-`foreign`: rigs that another simulator drew, with hand-built stacks, the true poses known. Errors are those after the rigid motion that brings a
-rig's poses to the true ones best. `real`: four Azure Kinects as one rig and a RealSense D415 of VCL3D/StructureNet, and cartons on a pallet; nobody knows the
-true poses, so that residuals have to do. The real frames have no licence to be shipped. "Between sensors": RMS distance of what two sensors both see, median / largest
-pair.""")
+- `foreign`: rigs of another simulator with hand-built stacks and known true poses. The rigid motion that fits a rig's poses best to the true ones is taken out.
+- `real`: four Azure Kinects as one rig, a RealSense D415 (both of VCL3D/StructureNet), and cartons on a pallet. Their true poses are not known, so only residuals can
+  be given. Their licence does not permit to ship them.
+- *Between sensors*: RMS distance of the points that two sensors share, median / largest pair.""")
     rows = []
     for name in dict.fromkeys(row["set"] for row in result["sensors"]):
         sensors = [row for row in result["sensors"] if row["set"] == name]
@@ -220,8 +221,8 @@ pair.""")
                      accuracy.quantiles(clouds, (0.5, 1))])
     page.table(["frames", "placed", "weak", "wrong", "position, mm", "rotation, deg", "to the structure, mm RMS", "between sensors, mm RMS"], rows)
     page.add("""
-Residuals are to the boxes as found: the intrinsics of the real frames are those of another device of the same kind, and a longer focal length and larger boxes
-explain the frames about equally well.""")
+Residuals are to the boxes as found. The intrinsics of the real frames are those of another device of the same kind. A longer focal length and larger boxes explain
+the frames about equally well.""")
 
 
 def situations(page):
@@ -230,8 +231,7 @@ def situations(page):
     page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml configs/rig_arc8.yaml \\",
                  f"  --sensors {KINECT} --seeds {seeds} [--set-rig ...] [--set ...] -o out/rows")
     page.add("""
-Azure Kinects drawn through their lens, boxes 3 mm off unless said otherwise; nothing was chosen on these seeds. Refined poses, median / 95th percentile /
-largest:""")
+Azure Kinects with their lens; boxes 3 mm off unless the row says otherwise. No constant was chosen on these seeds. Refined poses, median / 95th percentile / largest:""")
     rows, changes = [], []
     for number, (name, rig, options) in enumerate(SITUATIONS, 1):
         rig = ["assembly.position_mm=3", *rig]
@@ -242,12 +242,11 @@ largest:""")
         named = [f"`{change}`" for change in rig[1:]] + [f"`--set {option}`" for option in options]
         changes.append(f"- {number}: {', '.join(named)}" if named else "")
     page.table(["situation", "mm", "deg", "68 %", "95 %", "status"], rows)
-    page.add("What `--set-rig`, and `--set` where it is named, change:")
+    page.add("Changed by `--set-rig`, or by `--set` if it is named:")
     page.add("\n".join(filter(None, changes)))
     page.add("""
-Where only the stack is in view, up and down look alike: sensors that are mounted as the network's training sensors were are placed and `weak`, the others
-`failed`, and all are called `ambiguous`. Where devices of one kind may differ by a percent, state each device's own intrinsics or set
-`refine.lens_per_sensor`.""")
+If only the stack is in view, up and down look alike. Sensors that are mounted as in training are then placed and `weak`, the others are `failed`, and all have the code
+`ambiguous`. If devices of one kind may differ by a percent, state the intrinsics of each device or set `refine.lens_per_sensor`.""")
 
 
 def placements(page):
@@ -255,8 +254,8 @@ def placements(page):
     page.add("## Several placements")
     page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml --seeds {seeds} --placements 1 2 4 6 -o out/placements")
     page.add("""
-All sensors of the rig of one kind (`--sensors`), the stack built up again (boxes 3 mm off) within 0.8 m of its first place; nothing was chosen on these seeds. Poses in
-the frame of the first placement, median / 95th percentile / largest. "As built": what all sensors have in common with the boxes as they stand is taken out.""")
+All sensors of a rig are of one kind (`--sensors`). The stack was built up again for each placement, within 0.8 m of the first one, with boxes 3 mm off. No constant was
+chosen on these seeds. Poses are in the frame of the first placement, median / 95th percentile / largest:""")
     rows = []
     for kind in (KINECT, D415):
         summary, _ = page.evaluate(f"placements_{kind}", "--rigs", "configs/rig_irregular.yaml", "--sensors", kind, "--seeds", seeds, "--placements", 1, 2, 4, 6,
@@ -265,8 +264,7 @@ the frame of the first placement, median / 95th percentile / largest. "As built"
                   percent(s["cover_95"])] for s in summary if s["rig"] == "irregular"]
     page.table(["sensors", "placements", "refined, mm", "deg", "as built, mm", "deg", "weak", "68 %", "95 %"], rows)
     page.add("""
-The frame of the poses is that of the first placement's own boxes, whose mean fixes it: that part of the error is common to all sensors of a rig, and more
-placements do not take it away.""")
+The boxes of the first placement fix the frame. Their error is common to all sensors of a rig, and more placements do not reduce it.""")
 
 
 def without_model(page):
@@ -276,9 +274,8 @@ def without_model(page):
                  f"  --first 5000 --stacks {stacks}",
                  f"tests/bench/any_boxes.py build/release/cli/volalign out/empty --sensors {KINECT} {D415} --first 6000 --stacks {page.count(20)} --empty")
     page.add(f"""
-Random stacks of two to eight boxes ({stacks} of them), half of the boxes turned by any angle, boxes 3 mm off, each seen by a ring of four sensors in a furnished
-room; no network. A sensor sees enough where it sees two boxes and some floor. Wrong: over 10 cm or 5 deg off. Errors of the others, median / 95th percentile / largest;
-s: seconds for the initial pose of one sensor.""")
+{stacks} random stacks of two to eight boxes, without a network. Half of the boxes are turned by any angle, and all are 3 mm off. A ring of four sensors sees each stack in a
+furnished room. A sensor *sees enough* if it sees two boxes and some floor. Errors are those of sensors that are not wrong; *s* is the time for the initial pose of one sensor.""")
     kinds = [KINECT, D415, "kinect_v2", "kinect_v1"]
     page.add(page.run("boxes", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "boxes", "--sensors", *kinds, "--first", 5000,
                                 "--stacks", stacks]))
@@ -288,7 +285,7 @@ s: seconds for the initial pose of one sensor.""")
     for path in (page.work / "empty").glob("*_empty/out/extrinsics.json"):
         for sensor in json.loads(path.read_text())["sensors"].values():
             found[sensor["status"]] += 1
-    page.add(f"In {page.count(20)} of the same rooms without the stack (`--empty`), with four sensors of each of the first two kinds, "
+    page.add(f"In {page.count(20)} of these rooms without the stack (`--empty`), with four sensors of each of the first two kinds, "
              + ", ".join(f"{found[status]} are `{status}`" for status in STATUSES) + ".")
     page.add("\n".join(line for line in empty.splitlines() if line.startswith("- ")))
 
@@ -313,16 +310,17 @@ def main():
     share = "" if options.share == 1 else f" --share {options.share:g}"
     if names != list(SECTIONS):
         share += f" --sections {options.sections}"
-    page.add("# Results")
-    page.command(f"tests/bench/results_page.py build/release/cli/volalign{share}")
     page.add(f"""
-measures everything on this page and writes it. Every number is of `{version}`
-with `{MODEL}` ([model card](../models/README.md)). Each section names its own command.""" +
-             ("" if options.share == 1 else f""" Of the rigs of each section a share of {options.share:g}
-was taken: medians of so few sensors stray by a tenth or more, and the largest errors by much more."""))
+The sections from here to *Without a model* are measured and written by one command. Every number is of `{version}`
+with `{MODEL}` ([model card](../models/README.md)).""" +
+             ("" if options.share == 1 else f""" A share of {options.share:g} of the rigs of each section was taken.
+Medians of so few sensors vary by a tenth or more, and the largest errors by much more."""))
+    page.command(f"tests/bench/results_page.py build/release/cli/volalign{share}")
     for name in names:
         SECTIONS[name](page)
-    options.output.write_text("\n\n".join(part for part in page.text if part) + "\n")
+    old = options.output.read_text() if options.output.exists() else BEGIN + END
+    measured = "\n\n".join(part for part in page.text if part)
+    options.output.write_text(f"{old.split(BEGIN)[0]}{BEGIN}\n{measured}\n\n{END}{old.split(END)[1]}")
     if options.output.resolve() == ROOT / "docs/results.md" and names == list(SECTIONS):
         results_readme.main()
 

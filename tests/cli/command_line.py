@@ -211,10 +211,9 @@ class CommandLine(InAFolder):
             lines = self.expect(f"{group} --help", 0).rstrip().splitlines()
             self.assertTrue(lines[-1].startswith(f"  volalign {group} "), lines[-1])
 
-    def test_the_pages_are_what_the_program_says(self):
-        for page, command in (("cli.md", "commands"), ("config.md", "reference")):
-            with open(os.path.join(ROOT, "docs", page), encoding="utf-8") as file:
-                self.assertEqual(file.read(), self.expect("config " + command, 0), f"volalign config {command} > docs/{page}")
+    def test_the_page_of_keys_is_what_the_program_says(self):
+        with open(os.path.join(ROOT, "docs", "config.md"), encoding="utf-8") as file:
+            self.assertEqual(file.read(), self.expect("config reference", 0), "volalign config reference > docs/config.md")
 
     def test_says_what_it_is(self):
         self.expect("--help", 0, "structure", "render", "train", "calibrate", "evaluate", "export", "config")

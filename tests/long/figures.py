@@ -11,7 +11,7 @@ import sys
 
 import numpy
 
-page = open("docs/results.md", encoding="utf-8").read().split("### ")[0]
+page = open("docs/results.md", encoding="utf-8").read().split("## Rendered rigs\n")[1].split("### ")[0]
 command = re.search(r"^    volalign (evaluate .*?) -o \S+$", page, re.DOTALL | re.MULTILINE)[1].replace("\\\n", " ").split()
 shutil.rmtree("build/long/evaluation", ignore_errors=True)
 subprocess.run(["build/release/cli/volalign", *command, "-o", "build/long/evaluation"], check=True)
