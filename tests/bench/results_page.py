@@ -172,8 +172,8 @@ def what_limits(page):
     page.add("""
 ### What limits accuracy
 
-Depth errors of the [sensor models](sensor-models.md) limit positions, because the structure is only half a metre wide. These errors are a smooth warp (about 15 mm at 2 m for
-the D415, 1.4 to 5.6 mm for the Kinect), a constant of up to 11 mm, and multipath. A rotation error of 0.1 deg moves a sensor at 2 m by 3.5 mm. Four boxes that
+Depth errors of the [sensor models](sensor-models.md) limit positions, because the structure is only half a metre wide. There is a smooth warp: about 15 mm at 2 m
+for the D415, 1.4 to 5.6 mm for the Kinect. There are a constant of up to 11 mm and multipath, too. A rotation error of 0.1 deg moves a sensor at 2 m by 3.5 mm. Four boxes that
 are each 3 mm off their place also move the frame by 1.5 mm along each axis.""")
 
 
