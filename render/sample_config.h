@@ -109,9 +109,8 @@ struct SampleConfig {
        "how imprecisely the structure's boxes are stacked; 0 is the exact model");
     ar("noise", noise, "sensor noise");
     ar("renderer", renderer,
-       "egl (OpenGL), cpu (tiles on the processor: without a driver, the same but for pixels at "
-       "edges), or auto: cpu where OpenGL is software or missing or where training is on CUDA, "
-       "else egl; a run's config.yaml has what was chosen",
+       "egl (OpenGL), cpu (tiles on the processor, without a driver), or auto: cpu if OpenGL is "
+       "software or missing, or if training is on CUDA; a run's config.yaml has the choice",
        OneOf({"egl", "cpu", "auto"}));
   }
 };

@@ -64,7 +64,9 @@ struct LossConfig {
        "lambda rises linearly from 0 over so many samples", AtLeast(0));
     ar("min_side_pixels", min_side_pixels, "a side counts as visible from so many pixels on",
        AtLeast(1));
-    ar("keypoints", keypoints, "point that stands for a side: centre (the paper) or exposed");
+    ar("keypoints", keypoints,
+       "keypoint of a side: its centre (the paper), or exposed: the centre of the area that no "
+       "other box covers");
     ar("terms", terms,
        "names of terms that the program registers (train/loss_term.h), added to the loss");
     ar("term_weights", term_weights, "weight of each of loss.terms", AtLeast(0),
@@ -165,9 +167,8 @@ struct RunConfig {
        AtLeast(1));
     ar("batch_size", batch_size, "samples per step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
-       "samples that pass the network at once, for less memory: a step adds up the gradients of "
-       "its batch's parts, which is the whole batch's gradient except with batch normalisation, "
-       "whose statistics are those of a part; 0: the whole batch",
+       "samples that pass the network at once, to save memory; 0: the whole batch. The gradients "
+       "of the parts are summed, so only batch normalisation differs",
        AtLeast(0));
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
@@ -207,8 +208,7 @@ struct RunConfig {
        "cpu, cuda or cuda:N; of several processes on a machine each takes the CUDA device of its "
        "LOCAL_RANK");
     ar("lost_after_s", lost_after_s,
-       "a process of a run of several that is not heard of for so long counts as lost, s",
-       Above(0));
+       "seconds without a message after which another process of the run counts as lost", Above(0));
     ar("dataset", dataset,
        "folder of `volalign render --config` to train on, written from the same data section; "
        "empty: render");

@@ -17,11 +17,11 @@ struct RealConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("calibrations", calibrations,
-       "extrinsics.json of accepted calibrations of the structure, whose frames are mixed into "
-       "training with the labels that the structure has at their poses");
-    ar("share", share, "of the training samples that are such frames", Between(0, 1));
+       "extrinsics.json files whose frames are mixed into training, with the labels that the "
+       "structure has at their poses");
+    ar("share", share, "share of these frames in the training samples", Between(0, 1));
     ar("validation", validation,
-       "such files whose frames are held out: validation is on all of them, once, instead of on "
+       "extrinsics.json files whose frames are held out: the run is validated on them, not on "
        "rendered samples");
   }
 };

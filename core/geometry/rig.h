@@ -163,12 +163,12 @@ struct Rig {
        "on the plane z = 1, from what the pool says and the capture states, %",
        Between(0, 5));
     ar("hidden_share", hidden_share,
-       "share of each sensor's view of the structure that a board 0.7 m before it hides, from the "
+       "share of each sensor's view of the structure that a board hides, 0.7 m before it, from the "
        "left, the right or below as the seed draws it",
        Between(0, 1));
     ar("missing_share", missing_share,
-       "share of all pixels that lose their depth beside those that the noise takes it from, each "
-       "by itself",
+       "share of all pixels that lose their depth besides those that noise takes, each "
+       "independently",
        Between(0, 1));
     ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
@@ -178,9 +178,9 @@ struct Rig {
        "further places of the structure, one still each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
     ar("device_errors", device_errors,
-       "with placements: persistent (bias, warp and what else one device does alike in "
-       "all frames stay from still to still) or redrawn (each still has its own: errors "
-       "average out as those of real devices do not)");
+       "of several placements: persistent (errors of a device, such as bias and warp, are the same "
+       "in all captures) or redrawn (each capture has its own, which average out as real ones do "
+       "not)");
     ar("scene", scene, "the room's content");
     ar("assembly", assembly,
        "how imprecisely the structure's boxes are stacked; 0 is the exact model");

@@ -28,11 +28,9 @@ struct InitialPoseOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("method", method,
-       "what initial poses come from: network (its labels), geometry (the structure's "
-       "shape alone, which needs no model), auto (both propose where there is a model, "
-       "and one verification chooses), or paper: the median of the pixels of each side "
-       "that the network found against the centre of what no other box covers of it, "
-       "Procrustes over all visible sides",
+       "source of initial poses: network (its labels), geometry (the structure's shape alone, "
+       "without a model), auto (both if there is a model, and one verification chooses), or paper "
+       "(medians of the network's sides against the centres of their exposed areas, Procrustes)",
        Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
                std::vector<std::string>{"0"}),
        Removed("keypoints",

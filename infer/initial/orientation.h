@@ -20,8 +20,8 @@ struct OrientationOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("twins", twins,
-       "poses that a person has chosen where several fit, SENSOR=NUMBER each: 1 is the pose that "
-       "would be chosen, 2 and on those of twins in extrinsics.json");
+       "alternative poses to take, SENSOR=NUMBER each: 1 is the pose that would be chosen, higher "
+       "numbers are those of twins in extrinsics.json");
   }
 };
 

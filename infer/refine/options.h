@@ -61,11 +61,11 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("estimate", estimate,
-       "what is estimated beside the poses, where the capture tells: auto, none, or a list of "
-       "boxes, size, depth_gain, depth_offset, lens (separated by commas)");
+       "what is estimated besides the poses: auto (what the capture determines), none, or a list "
+       "of boxes, size, depth_gain, depth_offset, lens (separated by commas)");
     ar("lens_per_sensor", lens_per_sensor,
-       "false: sensors of one kind (the capture's key sensor) have the same lens, but for each "
-       "one's own small deviation of the focal length");
+       "true: each sensor has a lens of its own. false: sensors of one kind share a lens, except "
+       "for a small deviation of the focal length");
     ar("box_sigma_m", box_sigma_m,
        "prior standard deviation of a box's horizontal place along each axis, m", AtLeast(0));
     ar("box_sigma_deg", box_sigma_deg,
@@ -77,20 +77,18 @@ struct RefineOptions : PriorOptions, RefineSchedule {
        "(unit_gain of configs/intrinsics.yaml)",
        Between(-1, 100));
     ar("depth_offset_sigma_m", depth_offset_sigma_m,
-       "prior standard deviation, m, of a constant that a sensor's depth is off by (Azure Kinect: "
-       "up to 11 mm)",
+       "prior standard deviation of a constant error of a sensor's depth, m (Azure Kinect: up to "
+       "11 mm)",
        AtLeast(0));
     ar("sensor_moved_sigma_m", sensor_moved_sigma_m,
-       "of several captures: prior standard deviation of how far a sensor moves from one to "
-       "another, m (floors give way, and tripods creep)",
+       "prior standard deviation of a sensor's movement between two captures, m (floors give way, "
+       "and tripods creep)",
        Above(0));
     ar("sensor_moved_sigma_deg", sensor_moved_sigma_deg,
-       "of several captures: prior standard deviation of how far a sensor turns from one to "
-       "another, deg",
-       Above(0));
+       "prior standard deviation of a sensor's rotation between two captures, deg", Above(0));
     ar("max_overlap_points", max_overlap_points,
-       "most matches of one sensor's points with those of all others, as many with each; 0 leaves "
-       "every sensor to itself",
+       "most matches of one sensor's points with those of all others, equally many with each; 0: "
+       "no matches, each sensor by itself",
        AtLeast(0),
        Removed("without_structure",
                "a sensor is placed by its own view of the structure, and overlap counts beside it",
