@@ -207,7 +207,7 @@ def other_frames(page):
     page.add("""
 - `foreign`: rigs of another simulator with hand-built stacks and known true poses. The rigid motion that fits a rig's poses best to the true ones is taken out.
 - `real`: four Azure Kinects as one rig, a RealSense D415 (both of VCL3D/StructureNet), and cartons on a pallet. Their true poses are not known, so only residuals can
-  be given. Their licence does not permit to ship them.
+  be given. No licence permits shipping them.
 - *Between sensors*: RMS distance of the points that two sensors share, median / largest pair.""")
     rows = []
     for name in dict.fromkeys(row["set"] for row in result["sensors"]):
