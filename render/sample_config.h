@@ -67,10 +67,8 @@ struct NoiseConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("model", model,
-       "none, paper (zeroed borders and holes, paper's Results), sensor (models of the drawn "
-       "sensor), physics (what the drawn sensor does with light; to test with, not to train with), "
-       "or "
-       "one that the program registers (render/noise.h)",
+       "none, paper (zeroed borders and holes), sensor (models of the drawn sensor), physics (a "
+       "simulation of its light, for tests), or one that your program registers (render/noise.h)",
        OneOf(NoiseModelNames()));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0),
@@ -109,8 +107,8 @@ struct SampleConfig {
        "how imprecisely the structure's boxes are stacked; 0 is the exact model");
     ar("noise", noise, "sensor noise");
     ar("renderer", renderer,
-       "egl (OpenGL), cpu (tiles on the processor, without a driver), or auto: cpu if OpenGL is "
-       "software or missing, or if training is on CUDA; a run's config.yaml has the choice",
+       "egl (OpenGL), cpu (without a driver), or auto. Auto is cpu if OpenGL is software or "
+       "missing, or if training is on CUDA. A run's config.yaml has the choice",
        OneOf({"egl", "cpu", "auto"}));
   }
 };

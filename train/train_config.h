@@ -193,10 +193,9 @@ struct RunConfig {
        "write event files for TensorBoard (tensorboard/ in the run folder): metrics, label "
        "pictures, configuration");
     ar("precision", precision,
-       "fp32; bf16 for everything but depth, the first convolution and the soft "
-       "Procrustes term; auto: bf16 on a processor that has instructions for it and on a "
-       "CUDA device of compute capability 8 or higher, else fp32; a resumed run keeps "
-       "what was chosen");
+       "fp32, bf16 or auto. Depth, the first convolution and the soft Procrustes term always are "
+       "fp32. Auto is bf16 if the processor has instructions for it, or the CUDA device has "
+       "compute capability 8 or higher. A resumed run keeps its choice");
     ar("channels_last", channels_last,
        "memory layout of the activations; auto: true on a CPU and with bf16");
     ar("threads", threads,

@@ -147,9 +147,9 @@ struct Rig {
        "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "
        "against the sense of phi_deg");
     ar("turns_deg", turns_deg,
-       "captures to make, one with the structure turned by each of these angles beyond "
-       "structure_yaw_deg, deg: each draws room, assembly and noise anew (from seed, seed + "
-       "1000000, ...); empty: one capture");
+       "captures to make: in each, the structure is turned by one of these angles beyond "
+       "structure_yaw_deg, deg. Each draws room, assembly and noise anew (from seed, seed + "
+       "1000000, ...). Empty: one capture");
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
@@ -159,8 +159,8 @@ struct Rig {
        "the capture states the lens of the intrinsics pool; false: frames are drawn through it, "
        "but their intrinsics are given without");
     ar("lens_spread_percent", lens_spread_percent,
-       "standard deviation of each sensor's true focal length, and of its radial factor at r = 0.6 "
-       "on the plane z = 1, from what the pool says and the capture states, %",
+       "standard deviation of a sensor's true lens from the stated one, %: of its focal length, "
+       "and of its radial factor at r = 0.6 on the plane z = 1",
        Between(0, 5));
     ar("hidden_share", hidden_share,
        "share of each sensor's view of the structure that a board hides, 0.7 m before it, from the "
@@ -178,9 +178,8 @@ struct Rig {
        "further places of the structure, one still each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
     ar("device_errors", device_errors,
-       "of several placements: persistent (errors of a device, such as bias and warp, are the same "
-       "in all captures) or redrawn (each capture has its own, which average out as real ones do "
-       "not)");
+       "persistent or redrawn. Persistent errors of a device, such as bias and warp, are the same "
+       "in all placements. Redrawn errors differ, and average out as real ones do not");
     ar("scene", scene, "the room's content");
     ar("assembly", assembly,
        "how imprecisely the structure's boxes are stacked; 0 is the exact model");

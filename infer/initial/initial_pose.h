@@ -28,9 +28,9 @@ struct InitialPoseOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("method", method,
-       "source of initial poses: network (its labels), geometry (the structure's shape alone, "
-       "without a model), auto (both if there is a model, and one verification chooses), or paper "
-       "(medians of the network's sides against the centres of their exposed areas, Procrustes)",
+       "source of initial poses. Network: its labels. Geometry: the structure's shape, without a "
+       "model. Auto: both if there is a model, and one verification chooses. Paper: Procrustes of "
+       "the network's sides (medians against centres of exposed areas)",
        Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
                std::vector<std::string>{"0"}),
        Removed("keypoints",

@@ -71,10 +71,8 @@ struct SuiteMethod {
   void Describe(Archive& ar) {
     ar("name", name, "unique; rows of tables name it");
     ar("kind", kind,
-       "network: the paper's poses (medians of labelled pixels, Procrustes) from the labels of a "
-       "model; markers: ArUco markers in infrared pictures; volalign: all of volalign's "
-       "calibration "
-       "with a model");
+       "network (the paper's poses: medians of labelled pixels, Procrustes), markers (ArUco in "
+       "infrared pictures), or volalign (its whole calibration)");
     ar("model", model, "checkpoint; where it does not exist, its rows say so");
     ar("statistical", statistical,
        "network and markers: refine by volalign's joint refinement too, not only by the paper's");
@@ -111,9 +109,8 @@ struct SuiteRow {
     ar("label", label, "as the paper has it");
     ar("method", method, "name of a method");
     ar("stage", stage,
-       "initial: the initial poses; graph: refined as the paper does; statistical: refined by "
-       "volalign; corrected: the same, with each sensor's depth corrected as that refinement "
-       "found");
+       "initial, graph (refined as in the paper), statistical (refined by volalign), or corrected "
+       "(that, with each sensor's depth as corrected by the refinement)");
     ar("paper", paper,
        "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block; "
        "empty: "
@@ -159,10 +156,8 @@ struct SuiteFigure {
   void Describe(Archive& ar) {
     ar("name", name, "unique; names the file");
     ar("kind", kind,
-       "labels: predicted labels over depth, a column for each view; attention: the "
-       "network's attention over depth, likewise, yellow 1 and violet 0, of the methods "
-       "that have it; clouds: aligned "
-       "points from two sides, violet on the structure's surface, yellow 5 cm off");
+       "labels (predicted, over depth), attention (the network's, over depth, yellow 1 and violet "
+       "0), or clouds (aligned points from two sides, violet on the structure, yellow 5 cm off)");
     ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
     ar("methods", methods, "a row for each");
     ar("stage", stage, "of clouds: which poses");
