@@ -26,12 +26,9 @@ namespace {
 constexpr int kLabelRounds = 6;
 constexpr double kLabelsStay = 0.002;
 
-/// What is estimated beside the poses is chosen in so many rounds and then kept, as long as the
-/// frames are the same: where two choices explain them about equally well, the labels of each
-/// round, or the lenses of each look, may call for the other one.
-constexpr int kChoices = 2;
-/// The errors of the frames are fitted, and it is asked which frames disagree, in so many, and
-/// both are kept for the same reason.
+/// The errors of the frames are fitted, and it is asked which frames disagree, in so many rounds,
+/// and both are kept: where two answers explain the frames about equally well, the labels of each
+/// round may call for the other one.
 constexpr int kFits = 4;
 
 /// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
@@ -272,8 +269,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
       // Points are associated anew in each round.
       setup.schedule.associations = poses.size() == frames.size() ? 1 : options.refine.associations;
-      if (++labelled == kChoices) setup.choice = refined.choice;
-      if (labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
+      if (++labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
       continue;
     }
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
@@ -297,9 +293,6 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
     }
     SomeFrames<FrameInput> again = FramesToRefine(seen, located.results);
     setup = RefineSetup(options.refine);
-    const bool same = std::equal(again.begin(), again.end(), frames.begin(), frames.end(),
-                                 [](const auto& a, const auto& b) { return a.first == b.first; });
-    if (looks > 1 && same) setup.choice = refined.choice;
     frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();
     labelled = 0;

@@ -40,9 +40,8 @@ struct Joint {
 /// - locate: each frame by itself, by its neighbours, and where the stack stood in each still;
 /// - refine: see Refine;
 /// - label: the stack as it is found, seen from the poses that are found, labels the points anew.
-///   So what the first labels came from, a network or geometry, makes little difference. What is
-///   estimated beside the poses is chosen in the first two of these rounds, and a frame that turns
-///   back begins the next one half way (NextStarts);
+///   So what the first labels came from, a network or geometry, makes little difference. A
+///   frame that turns back begins the next one half way (NextStarts);
 /// - set aside: a frame that geometry alone has located, and that the solution takes to where its
 ///   view does not have the structure's shape (ShapeLogOdds), is located no longer
 ///   (no_structure), and the others are solved again from where they were located;

@@ -189,7 +189,7 @@ std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>
   sensors.push_back({lost.points, start, lost.lens});
   RefineSetup together(options.refine);
   together.free = EstimateSet();
-  together.free.where_told = false;
+  together.free.scale_priors = false;
   const RefinedFrame found = Refine(structure, sensors, together, lost.lenses).frames.back();
 
   const Refined refined{found.structure_from_sensor,

@@ -41,7 +41,7 @@ struct OwnPose {
 OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
                     const Pose& start, const RefineOptions& options) {
   RefineSetup alone(options);
-  alone.free.where_told = false;
+  alone.free.scale_priors = false;
   alone.schedule.threads = 1;
   const RefinedFrame refined =
       Refine(seen.capture->structure, {{std::move(points), start, 0}}, alone, {seen.lenses.Of(id)})

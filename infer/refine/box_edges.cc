@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "infer/refine/model_choice.h"
+#include "infer/refine/prior_scales.h"
 #include "infer/view/alike.h"
 
 namespace volalign::refine_internal {

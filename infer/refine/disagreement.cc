@@ -8,7 +8,7 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/factor.h"
-#include "infer/refine/estimates.h"
+#include "infer/refine/prior_scales.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
@@ -196,14 +196,14 @@ namespace {
 
 /// `free`, and of the build whatever its priors leave open.
 FreeSet WithBuild(const JointProblem& problem, FreeSet free) {
-  std::fill(free.boxes.begin(), free.boxes.end(), problem.priors.box > 0);
+  free.boxes = problem.priors.box > 0;
   free.size = problem.priors.size > 0;
   return free;
 }
 
 /// What frames of one still have in common: three of each box, and the size.
 std::size_t CountShared(const JointProblem& problem, const FreeSet& free) {
-  return (free.AllBoxes() ? 3 * problem.layout.boxes() : 0) + (free.size ? 1 : 0);
+  return (free.boxes ? 3 * problem.layout.boxes() : 0) + (free.size ? 1 : 0);
 }
 
 /// The frames of its still that a frame contradicts at least half as much as the one that it
@@ -280,20 +280,20 @@ std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& aske
   solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
   solution.free = asked_for;
   std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
-  solution.state.scales = PriorScales();
+  solution.state.scales = kWholePriors;
   Solution alone = AssociateAndSolve(problem, std::move(solution));
   if (alone.held[frame]) return std::nullopt;
   return std::move(alone.state);
 }
 
-/// From the start of the choice of estimates on.
+/// From whole priors on.
 std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& asked_for,
                                   Solution solution) {
   solution.free = asked_for;
-  solution.state.scales = PriorScales();
+  solution.state.scales = kWholePriors;
   UpdateLineTolerance(problem, &solution);
   if (!Solve(problem, &solution)) return std::nullopt;
-  return ChooseEstimates(problem, std::move(solution));
+  return SolveWithScaledPriors(problem, std::move(solution));
 }
 
 /// What is left when a frame stays at a pose and says nothing.

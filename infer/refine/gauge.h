@@ -8,8 +8,7 @@
 
 namespace volalign::refine_internal {
 
-/// Makes the mean displacement of the estimated boxes zero in each still, which the priors all but
-/// see to; but not in a still in which a box is seen that is held where the structure has it.
+/// Makes the mean displacement of the boxes zero in each still, which the priors all but see to.
 /// Poses and placements go with the boxes: every sensor stays where it is among the boxes that are
 /// seen and the other sensors, except those that are held.
 void CentreBoxes(const JointProblem& problem, Solution* solution);

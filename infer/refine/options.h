@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "core/config/config.h"
-#include "infer/refine/estimate_choice.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -14,9 +13,9 @@ namespace volalign {
 /// What may be estimated beside the poses (`refine.estimate`).
 struct EstimateSet {
   bool boxes = false, size = false, depth_gain = false, depth_offset = false, lens = false;
-  /// False leaves all of it free, whether the capture tells it or not, for callers that want a pose
-  /// and its covariance alone.
-  bool where_told = true;
+  /// False leaves priors as wide as the options have them and sets no frame aside, for callers that
+  /// want a pose and its covariance alone.
+  bool scale_priors = true;
 };
 /// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, lens, separated by
 /// commas.
@@ -115,9 +114,6 @@ struct RefineSetup {
   EstimateSet free;
   PriorOptions prior;
   RefineSchedule schedule;
-  /// That of an earlier refinement of the same frames (RefineResult::choice), to be kept; nothing:
-  /// it is chosen anew what is estimated.
-  std::optional<refine_internal::EstimateChoice> choice;
   /// Asked of a result without covariances, sigmas and pairs, for a caller that goes on from some
   /// poses and needs none: are they wanted? Nothing: they are.
   std::function<bool(const RefineResult&)> is_final;

@@ -90,12 +90,12 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
 }
 
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
-                 std::size_t boxes, const std::vector<SensorLens>& lenses) {
+                 const std::vector<SensorLens>& lenses) {
   FreeSet free;
-  free.boxes.assign(boxes, asked.boxes && priors.box > 0);
+  free.boxes = asked.boxes && priors.box > 0;
   free.size = asked.size && priors.size > 0;
-  free.gain.assign(frames, asked.depth_gain && priors.gain != 0.0);
-  free.offset.assign(frames, asked.depth_offset && priors.offset > 0);
+  free.gain = asked.depth_gain && priors.gain != 0.0;
+  free.offset = asked.depth_offset && priors.offset > 0;
   for (const SensorLens& lens : lenses) {
     // What a single view of the boxes seems to say about a lens is as well said by their size and
     // place and by the sensor's depth errors.
@@ -175,8 +175,8 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   };
   std::vector<char> is_moved(sensors_, held.empty());
   for (std::size_t i = 0; i < frames(); ++i) {
-    if (!free.offset[i]) hold(Offset(i), 1);
-    if (!free.gain[i]) hold(Gain(i), 1);
+    if (!free.offset) hold(Offset(i), 1);
+    if (!free.gain) hold(Gain(i), 1);
     if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Focal(i), 1);
     if (held.empty()) continue;
     if (held[i]) {
@@ -197,20 +197,26 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);
   }
   if (!free.size) hold(Size(), 1);
-  for (std::size_t b = 0; b < free.boxes.size(); ++b) {
-    if (!free.boxes[b]) hold(Boxes(0) + static_cast<Eigen::Index>(3 * b), 3);
-  }
+  if (!free.boxes) hold(Boxes(0), static_cast<int>(Bulges(0) - Boxes(0)));
   return constant;
+}
+
+int ParameterLayout::GroupOf(Eigen::Index column) const {
+  const auto is_in = [&](Eigen::Index first, Eigen::Index end) {
+    return column >= first && column < end;
+  };
+  if (is_in(Offset(0), GainOfSensor(0))) return kOffsets;
+  if (is_in(GainOfSensor(0), FocalOfSensor(0))) return kGains;
+  if (column == Size()) return kSizes;
+  if (!is_in(Boxes(0), Bulges(0))) return kPriorGroups;
+  return (column - Boxes(0)) % 3 == BuildModel::Yaw(0) ? kTurns : kPlaces;
 }
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
-  for (std::size_t i = 0; i < frames(); ++i) of[Offset(i)] = scales.offset;
-  for (std::size_t s = 0; s < sensors_; ++s) of[GainOfSensor(s)] = scales.gain;
-  of[Size()] = scales.size;
-  of.segment(Boxes(0), Bulges(0) - Boxes(0)).setConstant(scales.places);
-  for (std::size_t still = 0; still < stills_; ++still) {
-    for (int b = 0; b < build_.boxes; ++b) of[Boxes(still) + BuildModel::Yaw(b)] = scales.turns;
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    if (const int group = GroupOf(k); group != kPriorGroups)
+      of[k] = scales[static_cast<std::size_t>(group)];
   }
   return of;
 }
@@ -223,16 +229,6 @@ Eigen::VectorXd ParameterLayout::Values(const State& state) const {
     for (int k = 0; k < block.size; ++k) values[block.column + k] = block.values[k];
   }
   return values;
-}
-
-void ParameterLayout::SetNominal(const FreeSet& free, State* state) const {
-  const std::vector<char> constant = Constant(free);
-  for (const Block& block : Blocks(state)) {
-    if (block.size != block.tangent_size) continue;  // a pose has no nominal value
-    for (int k = 0; k < block.size; ++k) {
-      if (constant[static_cast<std::size_t>(block.column + k)]) block.values[k] = 0;
-    }
-  }
 }
 
 }  // namespace volalign::refine_internal

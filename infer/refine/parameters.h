@@ -15,7 +15,7 @@
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
-#include "infer/refine/estimate_choice.h"
+#include "infer/refine/free_set.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
 
@@ -130,7 +130,7 @@ struct State {
   double size = 0;                                        ///< of all boxes, scale - 1
   std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
   std::vector<std::vector<double>> bulges;                ///< of each still, see BuildModel
-  PriorScales scales;  ///< of the priors; they are estimated as well
+  PriorScales scales = kWholePriors;  ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
   std::vector<Structure> built;
@@ -170,9 +170,9 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<Pose>& placements);
 
 /// What the options ask for, where the prior leaves it open at all. Of the lens of a single frame,
-/// only where large planes tell about it. `boxes`: of all stills.
+/// only where large planes tell about it.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
-                 std::size_t boxes, const std::vector<SensorLens>& lenses = {SensorLens()});
+                 const std::vector<SensorLens>& lenses = {SensorLens()});
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
@@ -255,7 +255,9 @@ class ParameterLayout {
            column >= Bulges(0);
   }
 
-  /// The scale of every parameter's prior; 1 of those that are of none of these kinds.
+  /// The group of a column; kPriorGroups where its prior is never narrowed.
+  int GroupOf(Eigen::Index column) const;
+  /// The scale of every parameter's prior.
   Eigen::VectorXd Scales(const PriorScales& scales) const;
   /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
@@ -263,9 +265,6 @@ class ParameterLayout {
   /// Which columns are held constant where only `free` is estimated, and where the frames marked in
   /// `held` stand where they are, with their offsets and all of a sensor that has no others.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
-
-  /// Gives what `free` leaves out its nominal value, zero.
-  void SetNominal(const FreeSet& free, State* state) const;
 
  private:
   std::size_t SensorOf(std::size_t frame) const {

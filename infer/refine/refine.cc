@@ -10,10 +10,9 @@
 #include "core/base/error.h"
 #include "infer/refine/box_edges.h"
 #include "infer/refine/disagreement.h"
-#include "infer/refine/estimates.h"
 #include "infer/refine/gauge.h"
-#include "infer/refine/model_choice.h"
 #include "infer/refine/posterior.h"
+#include "infer/refine/prior_scales.h"
 #include "infer/refine/refine_result.h"
 #include "infer/refine/solution.h"
 #include "infer/view/alike.h"
@@ -42,18 +41,15 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
   }
 }
 
-/// Of everything. Where it is to be found out what strays from its nominal value, the uncertainty
-/// of that is part of it.
+/// Of everything, under the scales that the solution has found, widened by how little they are
+/// known.
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   const QuadraticCost cost = CostAround(problem, solution);
-  Posterior posterior =
-      ComputePosterior(cost.normal, problem.layout.Constant(asked_for), cost.prior_sigmas);
-  if (!problem.setup.free.where_told || !posterior.exact) return posterior;
-  if (std::optional<Eigen::MatrixXd> over_models =
-          CovarianceOverModels(cost, problem.layout, problem.setup.schedule.threads))
-    posterior.covariance = *std::move(over_models);
-  return posterior;
+  const Eigen::VectorXd scales =
+      problem.layout.Scales(WidenedScales(problem.layout, asked_for, solution.state.scales));
+  return ComputePosterior(WithScaledPriors(cost, scales), problem.layout.Constant(asked_for),
+                          scales.cwiseProduct(cost.prior_sigmas));
 }
 
 /// Have the boxes another size, does a frame contradict the others, or a quantity what was known of
@@ -106,22 +102,21 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   }
   CheckPoses(frames);
   const JointProblem problem(structure, frames, setup, lenses, placements.size());
-  const FreeSet asked_for = AskedFor(setup.free, problem.priors, frames.size(),
-                                     placements.size() * structure.boxes().size(), problem.lenses);
+  const FreeSet asked_for = AskedFor(setup.free, problem.priors, frames.size(), problem.lenses);
 
   Solution solution = Begin(problem, placements, asked_for);
   solution = AssociateAndSolve(problem, std::move(solution));
   const std::vector<char> unsolved = solution.held;
-  if (setup.free.where_told) solution = ChooseEstimates(problem, std::move(solution));
+  if (setup.free.scale_priors) solution = SolveWithScaledPriors(problem, std::move(solution));
   Agreed agreed{solution, std::vector<std::optional<SetAside>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};
-  if (setup.free.where_told) agreed = SetAsideDisagreeing(problem, asked_for, solution);
+  if (setup.free.scale_priors) agreed = SetAsideDisagreeing(problem, asked_for, solution);
   CentreBoxes(problem, &agreed.solution);
   RefineResult result = MakeResult(problem, agreed, lenses.size());
   if (setup.is_final && !setup.is_final(result)) return result;
   AddUncertainties(problem, agreed, unsolved, PosteriorOf(problem, agreed.solution, asked_for),
                    &result);
-  if (setup.free.where_told && IsBuildInDoubt(result))
+  if (setup.free.scale_priors && IsBuildInDoubt(result))
     result.wrong_edge = LikeliestEdge(problem, solution);
   return result;
 }

@@ -122,8 +122,6 @@ struct RefineResult {
   std::vector<RefinedQuantity> quantities;
   /// The likeliest, where a frame disagrees or a quantity is kClearly off its prior.
   std::optional<RefinedEdge> wrong_edge;
-  /// Nothing where everything that is asked for is free (EstimateSet::where_told).
-  std::optional<refine_internal::EstimateChoice> choice;
   /// Whether the last solution of all parameters ended by its tolerances, not by
   /// RefineSchedule::inner_iterations.
   bool converged = true;
@@ -152,15 +150,13 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// frames of a sensor (FrameInput::sensor) have a pose each, which differ by the placements and by
 /// as little as PriorOptions::sensor_moved_sigma_m and _deg allow.
 ///
-/// A parameter is estimated where its posterior is clearly tighter than its prior and the
-/// measurements are more probable if parameters of its kind stray from their nominal values than if
-/// they do not (refine/model_choice.h); else it keeps its nominal value. Gauge: the
-/// mean displacement of the estimated boxes is zero.
+/// How far the parameters of each kind stray from their nominal values is estimated, too: their
+/// priors are as much narrower as makes the measurements most probable (refine/prior_scales.h).
+/// Gauge: the mean displacement of the boxes is zero.
 ///
-/// Covariance: of the posterior, averaged over what may stray from its nominal value and how far,
-/// whether EstimateSet asks for it or not; where that is not to be chosen (where_told), of that
-/// with everything free, widened by how far the poses would move if it were. A prior of 1 m and 1
-/// rad bounds directions that nothing constrains. Throws DataError for a start that is not finite.
+/// Covariance: of the posterior with everything free; where EstimateSet does not ask for all of it,
+/// widened by how far the poses would move if it did. A prior of 1 m and 1 rad bounds directions
+/// that nothing constrains. Throws DataError for a start that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& frames,
                     const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
                     const std::vector<Pose>& placements = {Pose::Identity()});

@@ -41,12 +41,12 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 }
 
 RefinedFrame RefinedFrameOf(const JointProblem& problem, const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, observed, held, choice, overlaps] = agreed.solution;
+  const auto& [free, state, observed, held, overlaps] = agreed.solution;
   RefinedFrame frame;
   frame.solved = !held[i];
   frame.structure_from_sensor = state.poses[i].ToPose();
-  if (free.offset[i] && frame.solved) frame.depth_offset = state.offsets[i];
-  if (free.gain[i] && frame.solved) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
+  if (free.offset && frame.solved) frame.depth_offset = state.offsets[i];
+  if (free.gain && frame.solved) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
   if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.focals[state.SensorOf(i)];
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
@@ -84,11 +84,10 @@ void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& agreed,
                                    std::size_t still) {
   const std::vector<double>& of_boxes = agreed.solution.state.boxes[still];
-  const char* free = agreed.solution.free.boxes.data() + still * problem.layout.boxes();
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated = free[b] && IsSeen(problem, agreed.solution, still, b);
+    box.estimated = agreed.solution.free.boxes && IsSeen(problem, agreed.solution, still, b);
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
@@ -272,7 +271,7 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem, cons
 
 RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
                         std::size_t given_lenses) {
-  const auto& [free, state, observed, held, choice, overlaps] = agreed.solution;
+  const auto& [free, state, observed, held, overlaps] = agreed.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
     result.frames.push_back(RefinedFrameOf(problem, agreed, i));
@@ -281,7 +280,6 @@ RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
                                [](const RefinedFrame& frame) { return frame.solved; });
   result.size_scale = 1 + state.size;
-  result.choice = choice;
   result.converged = state.converged;
   for (std::size_t lens = 0; lens < given_lenses; ++lens)
     result.lenses.push_back({state.lenses[lens], free.lens[lens] != 0});

@@ -21,7 +21,7 @@ constexpr double kHeldEdge = 0.012;
 
 }  // namespace
 
-double LineTolerance(const FreeSet& free) { return free.AllBoxes() ? 0 : kHeldEdge; }
+double LineTolerance(const FreeSet& free) { return free.boxes ? 0 : kHeldEdge; }
 
 std::vector<FrameObservations> GatherObservations(const JointProblem& problem, const State& state,
                                                   const FreeSet& free,

@@ -29,8 +29,7 @@ struct Solution {
   std::vector<FrameObservations> observed;
   /// Frames that stay where they are and say nothing.
   std::vector<char> held;
-  std::optional<EstimateChoice> choice = {};  ///< that `free` follows from
-  std::vector<PairOverlap> overlaps = {};     ///< where the last Solve began
+  std::vector<PairOverlap> overlaps = {};  ///< where the last Solve began
 };
 
 /// Fits the observations' covariances to what is free now, at the solution's poses.

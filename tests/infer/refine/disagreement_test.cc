@@ -56,7 +56,7 @@ struct OneBoxElsewhere {
   }
   Disagreement Measure(const char* estimate) const {
     return MeasureDisagreement(problem, solution,
-                               AskedFor(ParseEstimate(estimate), problem.priors, 1, 4), 0);
+                               AskedFor(ParseEstimate(estimate), problem.priors, 1), 0);
   }
 };
 
@@ -193,7 +193,7 @@ struct OddOne {
       frames.push_back({testing_infer::Borrowed(points), poses.back()});
     }
     problem = std::make_unique<JointProblem>(structure, frames, options);
-    asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, poses.size(), 4);
+    asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, poses.size());
     solution.state = NominalState(structure, poses);
     solution.held.assign(poses.size(), 0);
     solution.free = asked_for;
@@ -277,7 +277,7 @@ TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
   for (const char* estimate : {"none", "boxes,depth_offset", "size"}) {
     OddOne scene(0.04);
     const EstimateSet asked = ParseEstimate(estimate);
-    const FreeSet asked_for = AskedFor(asked, scene.problem->priors, 3, 4);
+    const FreeSet asked_for = AskedFor(asked, scene.problem->priors, 3);
     scene.solution.free = asked_for;
     const Agreed agreed = SetAsideDisagreeing(*scene.problem, asked_for, std::move(scene.solution));
     EXPECT_TRUE(agreed.of[0].has_value()) << estimate;

@@ -198,7 +198,7 @@ TEST(FindOverlaps, TrustsTheKindWhereNothingIsMeasured) {
   for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect"}) {
     lens.sensor = kind;
     const JointProblem problem(two.structure, two.frames, two.options, {lens});
-    const FreeSet free = AskedFor({}, problem.priors, 2, 4);
+    const FreeSet free = AskedFor({}, problem.priors, 2);
     const std::vector<PairOverlap> overlaps =
         FindOverlaps(problem, GatherObservations(problem, two.state, free, {}), {0, 0}, two.state);
     ASSERT_EQ(overlaps.size(), 1u);

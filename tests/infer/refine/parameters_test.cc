@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "infer/refine/estimates.h"
 #include "infer/refine/gauge.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/solution.h"
@@ -133,7 +132,7 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   const JointProblem problem(rig.structure, frames, options, lenses, 2);
   State state = NominalState(rig.structure, {frames[0].start, frames[1].start, frames[2].start},
                              lenses, problem.frame_of, {Pose::Identity(), placement});
-  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, 8, lenses);
+  const FreeSet everything = AskedFor(ParseEstimate("auto"), problem.priors, 3, lenses);
   const std::vector<FrameObservations> observed =
       GatherObservations(problem, state, everything, {});
   const ParameterLayout& layout = problem.layout;
@@ -224,19 +223,18 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   EXPECT_TRUE((sigmas.tail(5 * 3).array() == 0.002).all());
 }
 
-TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
-  const Structure structure = PaperStructure();
-  const ParameterLayout layout = LayoutOf(2, structure.boxes().size());
-  FreeSet free = AskedFor(ParseEstimate("auto"), SomePriors(), 2, structure.boxes().size());
-  EXPECT_TRUE(free.AllBoxes());
-  free.boxes[2] = 0;
-  free.gain[1] = 0;
-  const std::vector<char> constant = layout.Constant(free);
+TEST(ParameterLayout, WhatIsNotFreeIsConstant) {
+  const ParameterLayout layout = LayoutOf(2, 4);
+  FreeSet free = AskedFor(ParseEstimate("auto"), SomePriors(), 2);
+  EXPECT_TRUE(free.boxes);
+  free.boxes = free.gain = false;
+  const auto held = [&](const std::vector<char>& constant) {
+    return std::accumulate(constant.begin(), constant.end(), 0);
+  };
   constexpr int kKnownLens = kLensParameters + 2;  // and the sensors' own focal lengths
-  EXPECT_EQ(std::accumulate(constant.begin(), constant.end(), 0), 3 + 1 + kKnownLens);
+  EXPECT_EQ(held(layout.Constant(free)), 12 + 2 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
-  EXPECT_EQ(std::accumulate(without_0.begin(), without_0.end(), 0),
-            3 + 1 + kKnownLens + 6 + 1 + 4 + kFrameErrors);
+  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kNuisances + kFrameErrors);
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;
@@ -244,38 +242,17 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstantAndNominal) {
   const std::vector<char> lens_without_0 = layout.Constant(with_lens, {1, 0});
   EXPECT_TRUE(lens_without_0[static_cast<std::size_t>(layout.Focal(0))]);
   EXPECT_FALSE(lens_without_0[static_cast<std::size_t>(layout.Focal(1))]);
-
-  State state = NominalState(structure, {RingPose(10), RingPose(20)});
-  for (double& x : state.offsets) x = 1;
-  for (double& x : state.gains) x = 1;
-  for (double& x : state.focals) x = 1;
-  for (auto& nuisances : state.nuisances) nuisances.fill(1);
-  state.size = 1;
-  for (double& x : state.boxes[0]) x = 1;
-  state.lenses[0].setOnes();
-  layout.SetNominal(free, &state);
-  EXPECT_EQ(state.offsets, (std::vector<double>{1, 1}));
-  EXPECT_EQ(state.gains, (std::vector<double>{1, 0}));
-  EXPECT_EQ(state.focals, (std::vector<double>{0, 0}));
-  EXPECT_EQ(state.nuisances[1][kMultipath], 1);
-  EXPECT_TRUE(state.lenses[0].isZero());
-  EXPECT_EQ(state.size, 1);
-  const std::vector<double>& boxes = state.boxes[0];
-  EXPECT_EQ(std::accumulate(boxes.begin(), boxes.end(), 0.0), 3 * 3);
-  EXPECT_EQ(boxes[static_cast<std::size_t>(BuildModel::X(2))], 0);
-  EXPECT_EQ(boxes[static_cast<std::size_t>(BuildModel::Yaw(2))], 0);
-  EXPECT_TRUE(state.poses[0].ToPose().isApprox(RingPose(10), 1e-12));
 }
 
 TEST(AskedFor, LeavesOutWhatAPriorOfZeroFixes) {
   Priors priors = SomePriors();
   priors.gain = 0;
   priors.size = 0;
-  const FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 3);
+  const FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2);
   EXPECT_FALSE(free.size);
-  EXPECT_EQ(free.gain, (std::vector<char>{0, 0}));
-  EXPECT_EQ(free.offset, (std::vector<char>{1, 1}));
-  EXPECT_FALSE(AskedFor(ParseEstimate("size"), SomePriors(), 1, 3).AllBoxes());
+  EXPECT_FALSE(free.gain);
+  EXPECT_TRUE(free.offset);
+  EXPECT_FALSE(AskedFor(ParseEstimate("size"), SomePriors(), 1).boxes);
 }
 
 TEST(FrameState, CorrectsAlongTheRay) {
@@ -289,85 +266,6 @@ TEST(FrameState, CorrectsAlongTheRay) {
 }  // namespace
 }  // namespace volalign::refine_internal::parameters_test
 
-namespace volalign::refine_internal::estimates_test {
-namespace {
-
-using testing_infer::SomePriors;
-
-/// Two sensors and the paper's four boxes: priors alone, then what measurements add.
-struct Handmade {
-  Structure structure = testing_infer::PaperStructure();
-  Priors priors = SomePriors();
-  ParameterLayout layout = LayoutOf(2, 4);
-  FreeSet free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
-  Eigen::VectorXd sigmas = layout.PriorSigmas(priors, {ErrorsOf(""), ErrorsOf("")});
-  NormalEquations normal;
-
-  Handmade() {
-    normal.information = sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
-    normal.gradient = Eigen::VectorXd::Zero(layout.size());
-  }
-  /// A measurement of one parameter that is `times` as tight as its prior.
-  void Measure(Eigen::Index column, double times) {
-    normal.information(column, column) *= 1 + times * times;
-  }
-  FreeSet Kept() const {
-    return Observable(normal, layout, structure, priors, {LensChange::Zero()},
-                      layout.Constant(free), sigmas, free);
-  }
-};
-
-TEST(Observable, PriorsAloneTellNothing) {
-  const FreeSet kept = Handmade().Kept();
-  EXPECT_FALSE(kept.size);
-  EXPECT_EQ(kept.boxes, (std::vector<char>{0, 0, 0, 0}));
-  EXPECT_EQ(kept.gain, (std::vector<char>{0, 0}));
-  EXPECT_EQ(kept.offset, (std::vector<char>{0, 0}));
-}
-
-TEST(Observable, KeepsWhatIsMeasuredTighterThanItsPrior) {
-  Handmade made;
-  // 1 / sqrt(1 + 1.1^2) = 0.67 of the prior, under the limit of 0.7; 1 / sqrt(1 + 0.9^2) = 0.74.
-  made.Measure(made.layout.Size(), 1.1);
-  made.Measure(made.layout.Gain(0), 1.1);
-  made.Measure(made.layout.Gain(1), 0.9);
-  made.Measure(made.layout.Offset(1), 1.1);
-  for (const Eigen::Index b : {0, 1, 3}) {
-    made.Measure(made.layout.Boxes() + 3 * b, 5);
-    if (b != 3) made.Measure(made.layout.Boxes() + 3 * b + 1, 5);
-  }
-  const FreeSet kept = made.Kept();
-  EXPECT_TRUE(kept.size);
-  EXPECT_EQ(kept.gain, (std::vector<char>{1, 0}));
-  EXPECT_EQ(kept.offset, (std::vector<char>{0, 1}));
-  EXPECT_EQ(kept.boxes, (std::vector<char>{1, 1, 0, 0})) << "of the last, only x is known";
-  // What is not free is never kept.
-  made.free.size = false;
-  EXPECT_FALSE(made.Kept().size);
-}
-
-TEST(Observable, AnOffsetIsKnownWhereItsGainIsHeld) {
-  // Depths at 2.3 m, where a gain moves them as far as the offset does: their sum is measured to
-  // half of what each may be. Either is then known to sqrt(1.25 / 2.25) = 0.75 of its prior, over
-  // the limit of 0.7; the offset, where the gain is none, to sqrt(0.25 / 1.25) = 0.45 of it.
-  Handmade made;
-  const Eigen::Index offset = made.layout.Offset(0), gain = made.layout.Gain(0);
-  const double depth = made.priors.offset / *made.priors.gain, sigma = made.priors.offset / 2;
-  Eigen::VectorXd row = Eigen::VectorXd::Zero(made.layout.size());
-  row[offset] = 1 / sigma;
-  row[gain] = depth / sigma;
-  made.normal.information += row * row.transpose();
-  const Eigen::MatrixXd both = made.normal.information.inverse();
-  ASSERT_NEAR(std::sqrt(both(offset, offset)) / made.priors.offset, 0.745, 0.001);
-  ASSERT_NEAR(std::sqrt(both(gain, gain)) / *made.priors.gain, 0.745, 0.001);
-  const FreeSet kept = made.Kept();
-  EXPECT_FALSE(kept.gain[0]);
-  EXPECT_TRUE(kept.offset[0]);
-}
-
-}  // namespace
-}  // namespace volalign::refine_internal::estimates_test
-
 namespace volalign::refine_internal::gauge_test {
 namespace {
 
@@ -375,7 +273,7 @@ using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
 /// Two sensors in two stills, the second in the second only, and boxes that stand anywhere. The
-/// third frame is held; one box of the first still is not estimated.
+/// third frame is held.
 struct Handmade {
   Structure structure = PaperStructure();
   SensorPoints nothing;
@@ -399,7 +297,7 @@ struct Handmade {
       for (double& value : still) value = 0.001 * next_++;
     }
     solution.state.UpdateBuilt(problem.model);
-    solution.free.boxes = {1, 1, 0, 1, 1, 1, 1, 1};
+    solution.free.boxes = true;
     solution.held = {0, 0, 1};
     solution.observed.resize(3);
   }
@@ -430,11 +328,6 @@ TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
         return state.boxes[still][static_cast<std::size_t>(parameter)];
       };
       EXPECT_EQ(at(after, BuildModel::Yaw(b)), at(before, BuildModel::Yaw(b)));
-      if (!made.solution.free.boxes[4 * still + k]) {
-        EXPECT_EQ(at(after, BuildModel::X(b)), at(before, BuildModel::X(b)));
-        EXPECT_EQ(at(after, BuildModel::Z(b)), at(before, BuildModel::Z(b)));
-        continue;
-      }
       x += at(after, BuildModel::X(b));
       z += at(after, BuildModel::Z(b));
       EXPECT_TRUE(SensorFromBox(after, still, k).isApprox(SensorFromBox(before, still, k), 1e-12))
@@ -451,18 +344,13 @@ TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
   EXPECT_TRUE(after.poses[2].ToPose().isApprox(made.frames[2].start, 1e-12));
 }
 
-TEST(CentreBoxes, LeavesAStillToABoxThatIsSeenWhereItBelongs) {
+TEST(CentreBoxes, LeavesBoxesThatAreNotEstimated) {
   Handmade made;
-  // A side of the box that is not estimated.
-  FaceObservation face;
-  for (face.label = 1; made.structure.SideOfLabel(face.label).box != 2;) ++face.label;
-  made.solution.observed[0].faces = {face};
+  made.solution.free.boxes = false;
   const State before = made.solution.state;
   CentreBoxes(made.Problem(), &made.solution);
-  const State& after = made.solution.state;
-  EXPECT_EQ(after.boxes[0], before.boxes[0]);
-  EXPECT_TRUE(after.poses[0].ToPose().isApprox(before.poses[0].ToPose(), 1e-15));
-  EXPECT_NE(after.boxes[1], before.boxes[1]) << "all boxes of the other still are estimated";
+  EXPECT_EQ(made.solution.state.boxes, before.boxes);
+  EXPECT_TRUE(made.solution.state.poses[0].ToPose().isApprox(before.poses[0].ToPose(), 1e-15));
 }
 
 }  // namespace

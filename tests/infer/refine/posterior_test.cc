@@ -9,7 +9,7 @@
 
 #include "core/base/random.h"
 #include "core/geometry/sensor_kind.h"
-#include "infer/refine/model_choice.h"
+#include "infer/refine/prior_scales.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::posterior_test {
@@ -135,7 +135,7 @@ TEST(GaugeProjection, TakesOutWhatAllBoxesDoTogether) {
 }  // namespace
 }  // namespace volalign::refine_internal::posterior_test
 
-namespace volalign::refine_internal::model_choice_test {
+namespace volalign::refine_internal::prior_scales_test {
 namespace {
 
 /// Measurements y = A x + e, e of standard deviation 1, of parameters x whose priors are normal.
@@ -212,7 +212,7 @@ struct Measured {
 
   Measured() {
     const Priors priors = testing_infer::SomePriors();
-    free = AskedFor(ParseEstimate("auto"), priors, 2, 4);
+    free = AskedFor(ParseEstimate("auto"), priors, 2);
     cost.prior_sigmas = layout.PriorSigmas(priors, {ErrorsOf(""), ErrorsOf("")});
     cost.normal.information = 101 * cost.prior_sigmas.cwiseAbs2().cwiseInverse().asDiagonal();
     cost.normal.gradient = Eigen::VectorXd::Zero(layout.size());
@@ -220,38 +220,55 @@ struct Measured {
   }
 };
 
-TEST(MostProbableScales, AreNominalWhereNothingStrays) {
+TEST(EstimatePriorScales, AreTheLeastWhereNothingStrays) {
   const Measured measured;
   const PriorScales scales =
-      MostProbableScales(measured.cost, measured.layout, measured.free, 2).value();
-  EXPECT_EQ(scales.places, 0);
-  EXPECT_EQ(scales.turns, 0);
-  EXPECT_EQ(scales.size, 0);
-  EXPECT_EQ(scales.gain, 0);
-  EXPECT_EQ(scales.offset, 0);
+      EstimatePriorScales(measured.cost, measured.layout, measured.free).value();
+  for (const double scale : scales) EXPECT_LT(scale, 0.06);
 }
 
-TEST(MostProbableScales, FollowWhatStrays) {
+TEST(EstimatePriorScales, FollowWhatStrays) {
   Measured measured;
   const auto stray = [&](Eigen::Index column, double sigmas) {
     measured.cost.values[column] = sigmas * measured.cost.prior_sigmas[column];
   };
-  stray(measured.layout.Offset(0), 1.2);
+  stray(measured.layout.Offset(0), 1.4);
   stray(measured.layout.Offset(1), -0.9);
   for (int box = 0; box < 4; ++box) {
     stray(measured.layout.Boxes() + BuildModel::X(box), 0.3);
     stray(measured.layout.Boxes() + BuildModel::Z(box), -0.35);
   }
   const PriorScales scales =
-      MostProbableScales(measured.cost, measured.layout, measured.free, 2).value();
-  EXPECT_EQ(scales.offset, 1);
-  EXPECT_EQ(scales.places, 0.3);
-  EXPECT_EQ(scales.turns, 0) << "boxes out of their places are not turned";
-  EXPECT_EQ(scales.size, 0);
-  EXPECT_EQ(scales.gain, 0);
-  measured.free.offset = {0, 0};
-  EXPECT_EQ(MostProbableScales(measured.cost, measured.layout, measured.free, 2)->places, 0.3)
-      << "whatever is held";
+      EstimatePriorScales(measured.cost, measured.layout, measured.free).value();
+  EXPECT_EQ(scales[kOffsets], 1) << "no wider than the prior";
+  // The mean square of the values, less the measurements' own variance of a hundredth.
+  EXPECT_NEAR(scales[kPlaces], std::sqrt((0.3 * 0.3 + 0.35 * 0.35) / 2 * 1.0201 - 0.01), 0.01);
+  EXPECT_LT(scales[kTurns], 0.06) << "boxes out of their places are not turned";
+  EXPECT_LT(scales[kSizes], 0.06);
+  EXPECT_LT(scales[kGains], 0.06);
+  measured.free.offset = false;
+  const PriorScales without =
+      EstimatePriorScales(measured.cost, measured.layout, measured.free).value();
+  EXPECT_NEAR(without[kPlaces], scales[kPlaces], 1e-6) << "whatever is held";
+}
+
+TEST(WidenedScales, CountOneMoreParameterThatStrays) {
+  const Measured measured;
+  const PriorScales widened = WidenedScales(measured.layout, measured.free, {0.5, 0, 0.2, 1, 0});
+  EXPECT_NEAR(widened[kPlaces], std::sqrt((8 * 0.25 + 1) / 9), 1e-12) << "x and z of four boxes";
+  EXPECT_NEAR(widened[kTurns], std::sqrt(1 / 5.0), 1e-12);
+  EXPECT_NEAR(widened[kSizes], std::sqrt((0.04 + 1) / 2), 1e-12);
+  EXPECT_EQ(widened[kGains], 1);
+  EXPECT_NEAR(widened[kOffsets], std::sqrt(1 / 3.0), 1e-12) << "of two sensors";
+}
+
+TEST(EstimatePriorScales, SaysWhereThereAreNone) {
+  // Of a direction that is always free, the cost is no minimum.
+  Measured measured;
+  const Eigen::Index pose = measured.layout.Pose(1);
+  measured.cost.normal.information(pose, pose) = -1;
+  EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
+  EXPECT_FALSE(EstimatePriorScales(measured.cost, measured.layout, measured.free));
 }
 
 TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
@@ -265,96 +282,15 @@ TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
       << "offsets, gains, focal lengths, lens, size, boxes";
   double constant = 0;
   for (const PriorScales& scales :
-       {PriorScales{1, 1, 1, 1, 1}, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {
+       {kWholePriors, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {
     const Eigen::VectorXd of_all = layout.Scales(scales);
     const double difference =
         FitModel(all, of_all, false)->log_evidence -
         FitModel(marginal.cost, of_all(marginal.columns), false)->log_evidence;
-    if (scales.places == 1 && scales.turns == 1) constant = difference;
+    if (scales[kPlaces] == 1 && scales[kTurns] == 1) constant = difference;
     EXPECT_NEAR(difference, constant, 1e-8);
   }
 }
 
-/// What is believed of a parameter of prior N(0, 1), measured as y with a standard deviation of
-/// 0.1, where it is not known whether its prior is 0, 0.3 or 1 wide: the mean square of its
-/// distance from `from`.
-double SpreadOverWidths(double y, double from) {
-  double weights = 0, sum = 0;
-  for (const double width : {0.0, 0.3, 1.0}) {
-    const double variance = width * width + 0.01;  // of y
-    const double weight = std::exp(-0.5 * y * y / variance) / std::sqrt(variance);
-    const double mean = width * width / variance * y;
-    const double left = width * width * 0.01 / variance;
-    sum += weight * (left + (mean - from) * (mean - from));
-    weights += weight;
-  }
-  return sum / weights;
-}
-
-TEST(CovarianceOverModels, CountsHowFarModelsAreApart) {
-  Measured measured;
-  const Eigen::Index size = measured.layout.Size(), offset = measured.layout.Offset(0);
-  const double size_sigma = measured.cost.prior_sigmas[size];
-  // The solution is where the widest prior has it, 1 in 101 nearer to zero than the measurement.
-  const double measured_at = 0.2525, solution = measured_at * 100 / 101;
-  measured.cost.values[size] = solution * size_sigma;
-  const Eigen::MatrixXd covariance =
-      CovarianceOverModels(measured.cost, measured.layout, 2).value();
-  const double expected = SpreadOverWidths(measured_at, solution);
-  ASSERT_GT(expected, 1.5 * SpreadOverWidths(0, 0)) << "there is something to be counted";
-  // Models of little weight are left out.
-  EXPECT_NEAR(covariance(size, size) / (size_sigma * size_sigma), expected, 0.03 * expected);
-  // What the models agree on is as each of them has it.
-  const Eigen::Index pose = measured.layout.Pose(1);
-  EXPECT_NEAR(covariance(pose, pose), 1 / measured.cost.normal.information(pose, pose), 1e-12);
-  EXPECT_LT(covariance(offset, offset), measured.cost.prior_sigmas[offset] / 10);
-}
-
-TEST(CovarianceOverModels, IsTheMeanOverAllModels) {
-  const ParameterLayout layout = LayoutOf(2, 3);
-  const auto n = static_cast<int>(layout.size());
-  const Linear linear(Eigen::Index{2} * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
-  const QuadraticCost cost = linear.CostAt(Eigen::VectorXd::LinSpaced(n, -0.3, 0.4));
-  std::vector<ModelFit> fits;
-  double most = -1e9;
-  for (int k = 0; k < 243; ++k) {
-    const auto scale = [&](int of) { return std::array{0.0, 0.3, 1.0}[k / of % 3]; };
-    const PriorScales scales{scale(1), scale(3), scale(9), scale(27), scale(81)};
-    fits.push_back(FitModel(cost, layout.Scales(scales), true).value());
-    most = std::max(most, fits.back().log_evidence);
-  }
-  Eigen::MatrixXd expected = Eigen::MatrixXd::Zero(n, n);
-  double weights = 0;
-  for (const ModelFit& fit : fits) {
-    const double weight = std::exp(fit.log_evidence - most);
-    expected += weight * (fit.covariance + fit.step * fit.step.transpose());
-    weights += weight;
-  }
-  expected /= weights;
-  const Eigen::MatrixXd covariance = CovarianceOverModels(cost, layout, 2).value();
-  // Models of little weight are left out.
-  EXPECT_LT((covariance - expected).norm(), 0.01 * expected.norm());
-}
-
-TEST(CovarianceOverModels, SaysWhereThereIsNone) {
-  // Of a direction that is always free, the cost is no minimum.
-  Measured measured;
-  const Eigen::Index pose = measured.layout.Pose(1);
-  measured.cost.normal.information(pose, pose) = -1;
-  EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
-  EXPECT_FALSE(MostProbableScales(measured.cost, measured.layout, measured.free, 2));
-  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
-}
-
-TEST(CovarianceOverModels, IsFiniteOrNone) {
-  // A pull on what is always free that is finite, but whose square is not: the scales can be
-  // judged without it, and the covariance cannot be computed under any.
-  Measured measured;
-  measured.cost.normal.gradient[measured.layout.Pose(1)] = 1e200;
-  ASSERT_TRUE(WithoutAlwaysFree(measured.cost, measured.layout));
-  ASSERT_TRUE(MostProbableScales(measured.cost, measured.layout, measured.free, 2));
-  EXPECT_FALSE(CovarianceOverModels(measured.cost, measured.layout, 2));
-}
-
 }  // namespace
-}  // namespace volalign::refine_internal::model_choice_test
+}  // namespace volalign::refine_internal::prior_scales_test

@@ -46,7 +46,7 @@ struct TwoStills {
     solution.state = NominalState(neighbours.rig.structure, poses, problem->lenses,
                                   problem->frame_of, placements);
     solution.free = AskedFor(ParseEstimate("boxes,size,depth_gain,depth_offset,lens"),
-                             problem->priors, 4, 8, problem->lenses);
+                             problem->priors, 4, problem->lenses);
     std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
     solution.free.lens[0] = 1;
     solution.observed.resize(4);
@@ -102,9 +102,7 @@ TEST(MakeResult, FramesAreTheStates) {
 TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
   TwoStills two;
   FreeSet& free = two.agreed.solution.free;
-  free.offset.assign(4, 0);
-  free.gain.assign(4, 0);
-  free.size = false;
+  free.offset = free.gain = free.size = false;
   const RefineResult result = two.Result();
   for (const RefinedFrame& frame : result.frames) {
     EXPECT_EQ(frame.depth_offset, 0);

@@ -320,18 +320,6 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
   const RefineResult sized = Refine(nominal, frames, size_alone);
   EXPECT_TRUE(sized.size_estimated);
   EXPECT_FALSE(sized.placements[0].boxes[0].estimated);
-
-  // An earlier choice stands, whatever the measurements call for.
-  RefineSetup earlier;
-  earlier.choice = result.choice;
-  ASSERT_TRUE(earlier.choice);
-  EXPECT_GT(earlier.choice->scales.size, 0);
-  earlier.choice->scales.size = 0;
-  const RefineResult kept = Refine(nominal, frames, earlier);
-  EXPECT_FALSE(kept.size_estimated);
-  EXPECT_EQ(kept.size_scale, 1);
-  EXPECT_TRUE(kept.placements[0].boxes[0].estimated);
-  EXPECT_EQ(kept.choice->scales.size, 0);
 }
 
 TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {

@@ -187,7 +187,7 @@ TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
   Solution solution{
-      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+      AskedFor({}, problem.priors, 2), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
   solution.observed = GatherObservations(problem, solution.state, solution.free, {});
   EXPECT_TRUE(IsUsable(problem, solution, 0));
   EXPECT_TRUE(Solve(problem, &solution));
@@ -206,7 +206,7 @@ TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
   options.max_overlap_points = 0;
   const JointProblem problem(structure, made.frames, options);
   Solution solution{
-      AskedFor({}, problem.priors, 2, 4), NominalState(structure, made.poses), {}, {0, 0}};
+      AskedFor({}, problem.priors, 2), NominalState(structure, made.poses), {}, {0, 0}};
   constexpr double kBounce = 0.004, kBulge = 0.003;
   std::map<int, int> seen;
   for (const Pose& pose : made.poses) {
@@ -252,7 +252,7 @@ TEST(HoldFrame, LeavesNoErrors) {
   const Neighbours made;
   const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
   Solution solution{
-      AskedFor({}, problem.priors, 2, 4), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
+      AskedFor({}, problem.priors, 2), NominalState(made.rig.structure, made.poses), {}, {0, 0}};
   for (std::size_t i = 0; i < 2; ++i) {
     solution.state.errors[i].fill(0.001);
     solution.state.nuisances[i].fill(0.001);
@@ -268,7 +268,7 @@ TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
   const auto gather = [&] {
     const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
     return GatherObservations(problem, NominalState(made.rig.structure, made.poses),
-                              AskedFor({}, problem.priors, 2, 4), {});
+                              AskedFor({}, problem.priors, 2), {});
   };
   const std::vector<FrameObservations> fitted = gather();
   for (const std::size_t i : {0, 1}) made.frames[i].noise = fitted[i].noise;
@@ -289,11 +289,9 @@ TEST(AssociateAndSolve, GoesOnWithoutASensorWhoseNumbersFail) {
   made.frames[0].noise->depth.smooth_m = std::nan("");
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
-  const Solution solution =
-      AssociateAndSolve(problem, {AskedFor({}, problem.priors, 2, 4),
-                                  NominalState(made.rig.structure, made.poses),
-                                  {},
-                                  {0, 0}});
+  const Solution solution = AssociateAndSolve(
+      problem,
+      {AskedFor({}, problem.priors, 2), NominalState(made.rig.structure, made.poses), {}, {0, 0}});
   EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
   EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its start";
   EXPECT_TRUE(solution.observed[0].faces.empty());

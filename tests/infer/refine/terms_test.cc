@@ -74,7 +74,7 @@ TEST(BuildCeresProblem, CountsOverlapFromMinOverlapOn) {
     options.min_overlap = min_overlap;
     const JointProblem problem(made.rig.structure, made.frames, options);
     State state = NominalState(made.rig.structure, made.poses);
-    const FreeSet free = AskedFor({}, problem.priors, 2, 4);
+    const FreeSet free = AskedFor({}, problem.priors, 2);
     const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
     const CeresProblem ceres = Build(problem, observed, free, &state);
     return OverlapTerms(ceres, state);
@@ -90,7 +90,7 @@ TEST(BuildCeresProblem, ErrorsWithinACorrelationLengthAreOneError) {
     TwoSensors two(Strip(along_x, 2), Strip(along_x, 2 + kApart));
     const JointProblem problem = two.Problem();
     const CeresProblem ceres =
-        Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2, 4), &two.state);
+        Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2), &two.state);
     // Both ways together, 60 matches count as four.
     double expected = 0;
     for (const CloudPoint& point : two.a.cloud.points()) {
@@ -115,7 +115,7 @@ TEST(BuildCeresProblem, APairCountsBothWaysOrNot) {
     two.options.min_overlap = min_overlap;
     const JointProblem problem = two.Problem();
     const CeresProblem ceres = Build(problem, std::vector<FrameObservations>(2),
-                                     AskedFor({}, problem.priors, 2, 4), &two.state);
+                                     AskedFor({}, problem.priors, 2), &two.state);
     return OverlapTerms(ceres, two.state);
   };
   EXPECT_EQ(terms(0.1), 60) << "60 of 460";
@@ -128,7 +128,7 @@ TEST(BuildCeresProblem, OverlapIsOfCorrectedDepths) {
   const JointProblem problem = two.Problem();
   two.state.gains[0] = 0.003;
   two.state.offsets[1] = 0.004;
-  const FreeSet free = AskedFor(ParseEstimate("depth_gain,depth_offset"), problem.priors, 2, 4);
+  const FreeSet free = AskedFor(ParseEstimate("depth_gain,depth_offset"), problem.priors, 2);
   const CeresProblem ceres = Build(problem, TwoFrames(), free, &two.state);
   ASSERT_EQ(OverlapTerms(ceres, two.state), 60);
   EXPECT_NEAR(OverlapCost(ceres, two.state), 0, 1e-9);
@@ -150,7 +150,7 @@ TEST(BuildCeresProblem, TheLossBendsAtTwoSigmasHoweverManyMatchesThereAre) {
     const JointProblem problem = two.Problem();
     const std::vector<PairOverlap> overlaps = FindOverlaps(problem, TwoFrames(), {0, 0}, two.state);
     const CeresProblem ceres =
-        Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2, 4), &two.state);
+        Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2), &two.state);
     ASSERT_EQ(overlaps.size(), 1u);
     std::vector<PairMatch> matches = overlaps[0].of_a;
     matches.insert(matches.end(), overlaps[0].of_b.begin(), overlaps[0].of_b.end());
@@ -176,7 +176,7 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
   for (const int count : {15, 150}) {
     const TwoSensors two(Strip(true, 2, count), Strip(true, 2, count));
     const JointProblem problem = two.Problem();
-    Solution solution{AskedFor({}, problem.priors, 2, 4), two.state, TwoFrames(), {0, 0}};
+    Solution solution{AskedFor({}, problem.priors, 2), two.state, TwoFrames(), {0, 0}};
     solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
     double expected = 1 / (problem.priors.offset * problem.priors.offset);
     for (const CloudPoint& point : two.a.cloud.points()) {
@@ -193,7 +193,7 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
 TEST(ComputeNormalEquations, OverlapTellsBouncedLight) {
   const TwoSensors two(Strip(true, 2), Strip(true, 2));
   const JointProblem problem = two.Problem();
-  Solution solution{AskedFor({}, problem.priors, 2, 4), two.state, {}, {0, 0}};
+  Solution solution{AskedFor({}, problem.priors, 2), two.state, {}, {0, 0}};
   solution.observed = testing_infer::TwoFrames();
   solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
   const auto told = [&](double share) {
@@ -211,9 +211,9 @@ TEST(BuildCeresProblem, HoldsWhatIsNotFree) {
   const RefineOptions options;
   const JointProblem problem(made.rig.structure, made.frames, options);
   State state = NominalState(made.rig.structure, made.poses);
-  FreeSet free = AskedFor({}, problem.priors, 2, 4);
+  FreeSet free = AskedFor({}, problem.priors, 2);
   free.size = true;
-  free.offset[1] = 1;
+  free.offset = true;
   const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
   const CeresProblem ceres = Build(problem, observed, free, &state, {1, 0});
   EXPECT_TRUE(ceres.problem->IsParameterBlockConstant(state.poses[0].values));

@@ -1,7 +1,7 @@
 #pragma once
 
 // How far what is estimated beside the poses really strays from its nominal value: as far as its
-// prior says, less, or not at all. Not for callers of Refine.
+// prior says, or less. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <optional>
@@ -22,6 +22,10 @@ struct QuadraticCost {
 };
 QuadraticCost CostAround(const JointProblem& problem, const Solution& solution);
 
+/// The same with the priors' standard deviations times `scales`, one per parameter; where that is
+/// 0, with its prior as it is.
+NormalEquations WithScaledPriors(const QuadraticCost& cost, const Eigen::VectorXd& scales);
+
 /// What follows where priors are narrower than the cost has them.
 struct ModelFit {
   /// Natural logarithm of the probability of the measurements, all parameters being unknown, by
@@ -36,33 +40,31 @@ struct ModelFit {
 std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales,
                                  bool with_covariance);
 
-/// A cost of some of the parameters, all others being unknown: FitModel's evidence of it differs
-/// from that of the cost of all by the same constant for all scales.
+/// A cost of some of the parameters, all others being at their best: its fits are those of the cost
+/// of all parameters, and its evidence differs by the same constant for all scales.
 struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
-  std::vector<Eigen::Index> free;     ///< of the others
-  /// Of the others: their step to their most probable values and their covariance where those that
-  /// are left stay, and by how much their step is more for a step of each of these.
-  Eigen::VectorXd free_step;
-  Eigen::MatrixXd free_covariance, follows;
 };
 /// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
 /// where it cannot be computed.
 std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout);
 
-/// The scales under which the measurements are most probable, where only `free` may stray. Nothing
-/// where that cannot be computed.
-std::optional<PriorScales> MostProbableScales(const QuadraticCost& cost,
-                                              const ParameterLayout& layout, const FreeSet& free,
-                                              int threads);
+/// The scales under which the measurements are most probable, where only `free` may stray, by
+/// expectation maximisation: the square of a scale is the mean, over its group, of the expected
+/// square of a parameter in units of its prior. At least 0.02 and at most 1. Nothing where they
+/// cannot be computed.
+std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
+                                               const ParameterLayout& layout, const FreeSet& free);
 
-/// Covariance of the parameters about the solution: the mean over all scales, weighted by their
-/// evidence, of the covariance under these scales and of the square of the step to their most
-/// probable values. Scales under which it cannot be computed take no part; nothing, or a finite
-/// covariance.
-std::optional<Eigen::MatrixXd> CovarianceOverModels(const QuadraticCost& cost,
-                                                    const ParameterLayout& layout, int threads);
+/// How far each group may stray: as if one parameter more of each had been seen to stray as far as
+/// its prior says. A scale is estimated from few parameters; covariances allow for that.
+PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
+                          const PriorScales& scales);
+
+/// Estimates the scales and solves again under them; the solution as it is where they cannot be
+/// computed.
+Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal
