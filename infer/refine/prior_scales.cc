@@ -12,9 +12,7 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kLeastScale = 0.02;
-/// Expectation maximisation ends when no scale changes by more than this share, or here.
-constexpr double kScaleStays = 0.01;
-constexpr int kMostUpdates = 60;
+constexpr int kUpdates = 40;  // of expectation maximisation: scales then change by less than 1 %
 
 /// By how much the precision of a prior is more.
 double ExtraPrecision(const QuadraticCost& cost, const Eigen::VectorXd& scales, Eigen::Index k) {
@@ -100,7 +98,7 @@ std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
   if (!marginal) return std::nullopt;
   const std::vector<char> constant = layout.Constant(free);
   PriorScales scales = kWholePriors;
-  for (int update = 0; update < kMostUpdates; ++update) {
+  for (int update = 0; update < kUpdates; ++update) {
     Eigen::VectorXd of_all = layout.Scales(scales);
     for (Eigen::Index k = 0; k < of_all.size(); ++k) {
       if (constant[static_cast<std::size_t>(k)]) of_all[k] = 0;
@@ -119,13 +117,9 @@ std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
       sums[static_cast<std::size_t>(group)] += squares[i];
       ++counts[static_cast<std::size_t>(group)];
     }
-    const PriorScales before = scales;
-    bool stays = true;
     for (std::size_t g = 0; g < kPriorGroups; ++g) {
       if (counts[g] > 0) scales[g] = std::clamp(std::sqrt(sums[g] / counts[g]), kLeastScale, 1.0);
-      stays = stays && std::abs(scales[g] - before[g]) <= kScaleStays * before[g];
     }
-    if (stays) break;
   }
   return scales;
 }
@@ -145,10 +139,26 @@ PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
 }
 
 Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution) {
-  const std::optional<PriorScales> scales =
-      EstimatePriorScales(CostAround(problem, solution), problem.layout, solution.free);
-  if (!scales) return solution;
+  const QuadraticCost cost = CostAround(problem, solution);
+  const Posterior posterior =
+      ComputePosterior(cost.normal, problem.layout.Constant(solution.free), cost.prior_sigmas);
   Solution scaled = solution;
+  for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
+    constexpr int kSize = kLensParameters;
+    const Eigen::Index column = problem.layout.Lens(lens);
+    const LensEstimate estimate{solution.state.lenses[lens],
+                                posterior.covariance.block<kSize, kSize>(column, column)};
+    if (!scaled.free.lens[lens] ||
+        LogBayesFactor(estimate, cost.prior_sigmas.segment<kSize>(column)) > kBelievedLens)
+      continue;
+    scaled.free.lens[lens] = 0;
+    scaled.state.lenses[lens].setZero();
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (solution.state.LensOf(i) == lens) *scaled.state.Focal(i) = 0;
+    }
+  }
+  const std::optional<PriorScales> scales = EstimatePriorScales(cost, problem.layout, scaled.free);
+  if (!scales) return solution;
   scaled.state.scales = *scales;
   return Solve(problem, &scaled) ? scaled : solution;
 }

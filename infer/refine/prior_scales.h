@@ -63,8 +63,8 @@ std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
 PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
                           const PriorScales& scales);
 
-/// Estimates the scales and solves again under them; the solution as it is where they cannot be
-/// computed.
+/// Estimates the scales and solves again under them. A lens whose change is not much more probable
+/// than none (kBelievedLens) is as assumed. The solution as it is where scales cannot be computed.
 Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal
