@@ -34,7 +34,7 @@ CalibrateOptions Resolve(const CalibrationRequest& request) {
   if (!request.initial.empty()) source.Set("initial.method=" + request.initial);
   if (!request.estimate.empty()) source.Set("refine.estimate=" + request.estimate);
   auto config = ReadConfig<CalibrateOptions>(source);
-  if (!request.twins.empty()) config.orientation.twins = request.twins;
+  if (!request.choose.empty()) config.orientation.choose = request.choose;
   return config;
 }
 
@@ -149,11 +149,13 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
-  app->add_option("--twin", request->twins,
+  app->add_option("--choose", request->choose,
                   "SENSOR=NUMBER, where several poses fit (twins in extrinsics.json, and in the "
                   "report): the sensor's pose is that one, and the others follow; 1: the one that "
                   "would be chosen")
       ->take_all();
+  app->add_option("--twin")->group("")->take_all()->check(
+      [](const std::string&) { return std::string("--choose SENSOR=NUMBER does this now"); });
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments,
                   "KEY=VALUE over the config, e.g. refine.box_sigma_m=0.01")

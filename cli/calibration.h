@@ -18,7 +18,7 @@ namespace volalign {
 struct CalibrationRequest {
   std::vector<std::string> captures;
   std::string model = "shipped", output, config, structure, initial, estimate, note;
-  std::vector<std::string> assignments, twins;
+  std::vector<std::string> assignments, choose;
   bool no_report = false;
   TableOutput table;
 };

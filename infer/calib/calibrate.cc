@@ -53,7 +53,7 @@ CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& sta
 std::optional<AssemblyReport> InspectStill(const StackResult& still, const Structure& structure,
                                            const CalibrateOptions& options) {
   if (std::none_of(still.sensors.begin(), still.sensors.end(), [&](const FrameResult& sensor) {
-        return QuestionsStack(sensor, still.twins);
+        return QuestionsStack(sensor, still.alternatives);
       })) {
     return std::nullopt;
   }

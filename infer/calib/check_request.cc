@@ -44,7 +44,7 @@ void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_stil
 
 }  // namespace
 
-SensorNumber ParseTwin(const std::string& text) {
+SensorNumber ParseChoice(const std::string& text) {
   const std::size_t at = text.rfind('=');
   int number = 0;
   if (at != std::string::npos) {
@@ -54,7 +54,7 @@ SensorNumber ParseTwin(const std::string& text) {
   }
   if (number < 1) {
     throw ConfigError(fmt::format(
-        "orientation.twins (--twin): \"{}\" is not SENSOR=NUMBER, for example S1=2", text));
+        "orientation.choose (--choose): \"{}\" is not SENSOR=NUMBER, for example S1=2", text));
   }
   return {text.substr(0, at), number};
 }
@@ -90,10 +90,10 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
       earlier.emplace_back(&frame, &still);
     }
   }
-  for (const std::string& twin : options.orientation.twins) {
-    if (frames_of.count(ParseTwin(twin).sensor) == 0) {
-      throw ConfigError(
-          fmt::format("orientation.twins (--twin): \"{}\" names no sensor of the capture", twin));
+  for (const std::string& alternative : options.orientation.choose) {
+    if (frames_of.count(ParseChoice(alternative).sensor) == 0) {
+      throw ConfigError(fmt::format(
+          "orientation.choose (--choose): \"{}\" names no sensor of the capture", alternative));
     }
   }
   for (Still& still : stills) {

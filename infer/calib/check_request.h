@@ -14,12 +14,13 @@ namespace volalign {
 CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
                         const CalibrateOptions& options, bool model);
 
-/// An element of orientation.twins: the pose of that number, PoseTwin::number, is asked for.
+/// An element of orientation.choose: the pose of that number, PoseAlternative::number, is asked
+/// for.
 struct SensorNumber {
   std::string sensor;
   int number = 1;
 };
 /// Of "SENSOR=NUMBER". Throws ConfigError.
-SensorNumber ParseTwin(const std::string& text);
+SensorNumber ParseChoice(const std::string& text);
 
 }  // namespace volalign

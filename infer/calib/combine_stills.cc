@@ -141,24 +141,24 @@ std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& still
 
 /// Of all stills, in the structure of the first: where a sensor's choice is decided in one still,
 /// others that leave it open do not count.
-std::vector<RigTwin> CombineTwins(const std::vector<StillResult>& stills,
-                                  const std::vector<FrameResult>& sensors) {
-  const auto is_open = [&](const SensorTwin& twin) {
+std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& stills,
+                                                const std::vector<FrameResult>& sensors) {
+  const auto is_open = [&](const SensorAlternative& alternative) {
     return std::any_of(sensors.begin(), sensors.end(), [&](const FrameResult& sensor) {
-      return sensor.name == twin.name && sensor.code == SensorCode::kAmbiguous;
+      return sensor.name == alternative.name && sensor.code == SensorCode::kAmbiguous;
     });
   };
-  std::vector<RigTwin> twins;
+  std::vector<RigAlternative> alternatives;
   for (const StillResult& still : stills) {
-    for (RigTwin twin : still.twins) {
-      if (std::none_of(twin.sensors.begin(), twin.sensors.end(), is_open)) continue;
-      twin.still = still.name;
-      for (SensorTwin& sensor : twin.sensors)
+    for (RigAlternative alternative : still.alternatives) {
+      if (std::none_of(alternative.sensors.begin(), alternative.sensors.end(), is_open)) continue;
+      alternative.still = still.name;
+      for (SensorAlternative& sensor : alternative.sensors)
         sensor.structure_from_sensor = still.first_from_placement * sensor.structure_from_sensor;
-      twins.push_back(std::move(twin));
+      alternatives.push_back(std::move(alternative));
     }
   }
-  return twins;
+  return alternatives;
 }
 
 /// Each two sensors, of the still in which they overlap most, in the structure of the first one.
@@ -220,7 +220,7 @@ CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResu
   for (std::size_t k = 0; k < of_sensor.size(); ++k)
     result.sensors.push_back(CombineFrames(of_sensor[k], result.stills, truths[k]));
   result.pairs = CombinePairs(result.stills);
-  result.twins = CombineTwins(result.stills, result.sensors);
+  result.alternatives = CombineAlternatives(result.stills, result.sensors);
   result.metrics = CombineMetrics(result.stills);
   result.assembly = result.stills.front().assembly;
   for (const StillResult& still : result.stills) {

@@ -125,16 +125,16 @@ void Describe(Archive& ar, PairResult& pair) {
 }
 
 template <class Archive>
-void Describe(Archive& ar, SensorTwin& sensor) {
+void Describe(Archive& ar, SensorAlternative& sensor) {
   ar.Optional("twin", sensor.number);
   ar("structure_from_sensor", sensor.structure_from_sensor);
 }
 
 template <class Archive>
-void Describe(Archive& ar, RigTwin& twin) {
-  ar("log_odds", twin.log_odds);
-  ar.Optional("placement", twin.still);
-  ar.ByName("sensors", twin.sensors, &SensorTwin::name);
+void Describe(Archive& ar, RigAlternative& alternative) {
+  ar("log_odds", alternative.log_odds);
+  ar.Optional("placement", alternative.still);
+  ar.ByName("sensors", alternative.sensors, &SensorAlternative::name);
 }
 
 template <class Archive>

@@ -96,7 +96,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
       FindWeakness({*sensor, pose, sensor->covariance, refined.problem, contradiction,
                     joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
                     located.by_neighbours, labelled.other_pose,
-                    labelled.twins.empty() ? 0 : labelled.twins.front().log_odds,
+                    labelled.alternatives.empty() ? 0 : labelled.alternatives.front().log_odds,
                     labelled.floor_would_tell, seen_through, frame.quarter_turns != kAutoTurns,
                     located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
                    options.verdict);
@@ -109,16 +109,16 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   DemoteIfNotFinite(sensor);
 }
 
-void JudgeTwins(std::vector<FrameResult>* sensors) {
+void JudgeDuplicates(std::vector<FrameResult>* sensors) {
   std::vector<std::string> names;
   std::vector<std::optional<Pose>> poses;
   for (const FrameResult& sensor : *sensors) {
     names.push_back(sensor.name);
     poses.push_back(sensor.structure_from_sensor);
   }
-  const std::vector<std::optional<Finding>> twins = FindTwins(names, poses);
-  for (std::size_t i = 0; i < twins.size(); ++i) {
-    if (twins[i]) SetFinding(SensorStatus::kWeak, *twins[i], &(*sensors)[i]);
+  const std::vector<std::optional<Finding>> duplicates = FindDuplicates(names, poses);
+  for (std::size_t i = 0; i < duplicates.size(); ++i) {
+    if (duplicates[i]) SetFinding(SensorStatus::kWeak, *duplicates[i], &(*sensors)[i]);
   }
 }
 
@@ -189,8 +189,9 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
 
 /// Of a located sensor that rests on others: where it stands when the first of those that is in the
 /// set has its other pose.
-std::optional<SensorTwin> FollowedTwin(const Joint& joint, FrameId id, const FrameResult& sensor,
-                                       const std::map<FrameId, SensorTwin>& moved) {
+std::optional<SensorAlternative> FollowedAlternative(
+    const Joint& joint, FrameId id, const FrameResult& sensor,
+    const std::map<FrameId, SensorAlternative>& moved) {
   const auto* located = std::get_if<LocatedFrame>(&joint.located[id]);
   if (!located || !sensor.structure_from_sensor) return std::nullopt;
   for (const FrameId other : located->rests_on) {
@@ -198,41 +199,43 @@ std::optional<SensorTwin> FollowedTwin(const Joint& joint, FrameId id, const Fra
     if (found == moved.end()) continue;
     const Pose motion = found->second.structure_from_sensor *
                         joint.frames.at(other).refined.structure_from_sensor.inverse();
-    return SensorTwin{sensor.name, 0, motion * *sensor.structure_from_sensor};
+    return SensorAlternative{sensor.name, 0, motion * *sensor.structure_from_sensor};
   }
   return std::nullopt;
 }
 
 /// The sets of poses that the still's sensors may have instead, with what rests on them; but for
 /// those that kNamedOdds rule out.
-std::vector<RigTwin> TwinsOf(const Joint& joint, std::size_t still,
-                             const std::vector<FrameResult>& sensors) {
-  std::map<int, RigTwin> twins;
-  std::map<int, std::map<FrameId, SensorTwin>> moved;
+std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t still,
+                                           const std::vector<FrameResult>& sensors) {
+  std::map<int, RigAlternative> alternatives;
+  std::map<int, std::map<FrameId, SensorAlternative>> moved;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     if (!sensors[i].structure_from_sensor) continue;
-    for (const PoseTwin& twin : joint.seen.labelled[{still, i}].twins) {
-      if (twin.log_odds > std::log(kNamedOdds)) continue;
-      twins[twin.rig].log_odds = twin.log_odds;
-      moved[twin.rig][{still, i}] = {sensors[i].name, twin.number, twin.structure_from_sensor};
+    for (const PoseAlternative& alternative : joint.seen.labelled[{still, i}].alternatives) {
+      if (alternative.log_odds > std::log(kNamedOdds)) continue;
+      alternatives[alternative.rig].log_odds = alternative.log_odds;
+      moved[alternative.rig][{still, i}] = {sensors[i].name, alternative.number,
+                                            alternative.structure_from_sensor};
     }
   }
-  std::vector<RigTwin> list;
-  for (auto& [rig, twin] : twins) {
-    const std::map<FrameId, SensorTwin>& of_rig = moved[rig];
+  std::vector<RigAlternative> list;
+  for (auto& [rig, alternative] : alternatives) {
+    const std::map<FrameId, SensorAlternative>& of_rig = moved[rig];
     for (std::size_t i = 0; i < sensors.size(); ++i) {
       const FrameId id{still, i};
       const auto own = of_rig.find(id);
       if (own != of_rig.end()) {
-        twin.sensors.push_back(own->second);
-      } else if (const auto follows = FollowedTwin(joint, id, sensors[i], of_rig)) {
-        twin.sensors.push_back(*follows);
+        alternative.sensors.push_back(own->second);
+      } else if (const auto follows = FollowedAlternative(joint, id, sensors[i], of_rig)) {
+        alternative.sensors.push_back(*follows);
       }
     }
-    list.push_back(std::move(twin));
+    list.push_back(std::move(alternative));
   }
-  std::stable_sort(list.begin(), list.end(),
-                   [](const RigTwin& a, const RigTwin& b) { return a.log_odds < b.log_odds; });
+  std::stable_sort(list.begin(), list.end(), [](const RigAlternative& a, const RigAlternative& b) {
+    return a.log_odds < b.log_odds;
+  });
   return list;
 }
 
@@ -306,7 +309,7 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
                         std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                         Joint* joint) {
   RefinedPlacement& stack = joint->stacks[still];
-  JudgeTwins(&sensors);
+  JudgeDuplicates(&sensors);
   DoubtThoseAlone(&sensors);
   if (options.assembly.enabled && !(assembly && assembly->altered())) {
     AssemblyReport told = AsFarAsTold(sensors, joint->seen.capture->structure, joint->findings);
@@ -319,7 +322,7 @@ StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
   result.covariance = stack.covariance;
   result.metrics = MeasureSetDistances(sensors, stack.built, options.threads);
   result.pairs = std::move(joint->pairs[still]);
-  result.twins = TwinsOf(*joint, still, sensors);
+  result.alternatives = AlternativesOf(*joint, still, sensors);
   result.sensors = std::move(sensors);
   result.assembly = std::move(assembly);
   result.built = std::move(stack.built);
@@ -334,16 +337,17 @@ bool FailedToFindStack(SensorCode code) {
          code == SensorCode::kDegenerateSides;
 }
 
-bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigTwin>& twins) {
-  const auto has_sensor = [&](const RigTwin& twin) {
-    return std::any_of(twin.sensors.begin(), twin.sensors.end(),
-                       [&](const SensorTwin& each) { return each.name == sensor.name; });
+bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigAlternative>& alternatives) {
+  const auto has_sensor = [&](const RigAlternative& alternative) {
+    return std::any_of(alternative.sensors.begin(), alternative.sensors.end(),
+                       [&](const SensorAlternative& each) { return each.name == sensor.name; });
   };
   const SensorCode code = sensor.code;
   return FailedToFindStack(code) || code == SensorCode::kDisagrees ||
          code == SensorCode::kFewInliers || code == SensorCode::kLargeResidual ||
          code == SensorCode::kLabelsDisagree ||
-         (code == SensorCode::kAmbiguous && std::none_of(twins.begin(), twins.end(), has_sensor));
+         (code == SensorCode::kAmbiguous &&
+          std::none_of(alternatives.begin(), alternatives.end(), has_sensor));
 }
 
 CalibrationResult Judge(Joint joint, const StackFinding& stack,

@@ -16,7 +16,7 @@ bool FailedToFindStack(SensorCode code);
 
 /// Does what is said of a sensor call for other ways in which the stack may stand? It did not find
 /// the stack, fits it badly, or contradicts others at the only pose that it has.
-bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigTwin>& twins);
+bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigAlternative>& alternatives);
 
 /// The last stage: measures every located frame at its reported pose, judges it, and gathers the
 /// result (without timings_s). `stack` and `suspect_lenses`: findings of the stages before.

@@ -18,10 +18,10 @@ namespace volalign {
 namespace {
 
 /// The number of the pose that is asked for of a sensor; 0: none.
-int TwinOf(const std::string& name, const std::vector<std::string>& twins) {
+int ChoiceOf(const std::string& name, const std::vector<std::string>& chosen) {
   int number = 0;
-  for (const std::string& twin : twins) {
-    const SensorNumber asked = ParseTwin(twin);
+  for (const std::string& each : chosen) {
+    const SensorNumber asked = ParseChoice(each);
     if (asked.sensor == name) number = asked.number;
   }
   return number;
@@ -39,26 +39,27 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
   for (std::size_t i = 0; i < frames.size(); ++i) {
     requests.push_back({&seen.views[{still, i}], &intrinsics[i], frames[i].quarter_turns,
                         !seen.depths[{still, i}].failure,
-                        TwinOf(frames[i].name, options.orientation.twins), known[i]});
+                        ChoiceOf(frames[i].name, options.orientation.choose), known[i]});
   }
   return LabelViews(requests, seen.capture->structure, segmenter, options.initial,
                     options.orientation, options.threads, clock);
 }
 
 /// Throws ConfigError unless some still leaves the choice open.
-void RequireTwin(const Seen& seen, const SensorNumber& asked) {
+void RequireChoice(const Seen& seen, const SensorNumber& asked) {
   std::set<int> numbers;
   for (const FrameId id : seen.labelled.Ids()) {
     if ((*seen.capture)[id].name != asked.sensor) continue;
     if (seen.labelled[id].given) return;
-    for (const PoseTwin& twin : seen.labelled[id].twins) numbers.insert(twin.number);
+    for (const PoseAlternative& alternative : seen.labelled[id].alternatives)
+      numbers.insert(alternative.number);
   }
   if (numbers.count(asked.number) > 0)
     throw ConfigError(fmt::format(
-        "orientation.twins (--twin): what {} sees refutes its pose {}; leave the choice out",
+        "orientation.choose (--choose): what {} sees refutes its pose {}; leave the choice out",
         asked.sensor, asked.number));
   throw ConfigError(fmt::format(
-      "orientation.twins (--twin): {} has no pose {}; {}", asked.sensor, asked.number,
+      "orientation.choose (--choose): {} has no pose {}; {}", asked.sensor, asked.number,
       numbers.empty() ? "no other pose fits its view"
                       : fmt::format("its other poses are {}", fmt::join(numbers, ", "))));
 }
@@ -84,7 +85,8 @@ Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
                                   std::vector<const Pose*>(capture.stills[s].frames.size()),
                                   segmenter, options, clock));
   seen.labelled = PerFrame(std::move(labelled));
-  for (const std::string& twin : options.orientation.twins) RequireTwin(seen, ParseTwin(twin));
+  for (const std::string& chosen : options.orientation.choose)
+    RequireChoice(seen, ParseChoice(chosen));
   return seen;
 }
 
@@ -119,11 +121,12 @@ PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& re
     std::vector<Labelled> of_still = LabelStill(seen, still, known, segmenter, options, clock);
     int sets = 0;
     for (const Labelled& frame : labelled.OfStill(still)) {
-      for (const PoseTwin& twin : frame.twins) sets = std::max(sets, twin.rig + 1);
+      for (const PoseAlternative& alternative : frame.alternatives)
+        sets = std::max(sets, alternative.rig + 1);
     }
     for (const FrameId id : anew) {
       labelled[id] = std::move(of_still[id.frame]);
-      for (PoseTwin& twin : labelled[id].twins) twin.rig += sets;
+      for (PoseAlternative& alternative : labelled[id].alternatives) alternative.rig += sets;
     }
   }
   return labelled;

@@ -103,9 +103,9 @@ struct PairResult {
 };
 
 /// A sensor in a set of poses that the rig may have instead.
-struct SensorTwin {
+struct SensorAlternative {
   std::string name;
-  /// By which `calibrate --twin NAME=NUMBER` chooses it; 0 of one that follows others.
+  /// By which `calibrate --choose NAME=NUMBER` chooses it; 0 of one that follows others.
   int number = 0;
   /// As it was chosen among, before refinement; of one that rests on others (by_neighbours), where
   /// it would follow them.
@@ -113,10 +113,10 @@ struct SensorTwin {
 };
 
 /// Another set of poses that explains the frames: sensors that are not in it stay where they are.
-struct RigTwin {
+struct RigAlternative {
   double log_odds = 0;  ///< natural logarithm, of the reported poses against this set
   std::string still;    ///< of several stills, whose choice it is
-  std::vector<SensorTwin> sensors;
+  std::vector<SensorAlternative> sensors;
 };
 
 /// How the joint solution ended.
@@ -133,9 +133,9 @@ struct SolveReport {
 struct StackResult {
   std::vector<FrameResult> sensors;
   std::vector<PairResult> pairs;
-  std::vector<RigTwin> twins;              ///< the most probable first
-  std::optional<SetDistances> metrics;     ///< absent when no sensor was placed
-  std::optional<AssemblyReport> assembly;  ///< absent when it was not to be asked
+  std::vector<RigAlternative> alternatives;  ///< the most probable first
+  std::optional<SetDistances> metrics;       ///< absent when no sensor was placed
+  std::optional<AssemblyReport> assembly;    ///< absent when it was not to be asked
   /// The structure with its boxes where the capture shows them and the size that it shows, which
   /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
   Structure built;

@@ -74,7 +74,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
     const std::string fits = fmt::format("its view fits the structure about as well {} (odds {})",
                                          facts.other_pose, FormatOdds(facts.log_odds));
     const std::string choose =
-        "; or compare both in report.html, and choose the other pose with --twin SENSOR=2";
+        "; or compare both in report.html, and choose the other pose with --choose SENSOR=2";
     if (!facts.floor_would_tell) {
       return Finding{
           SensorCode::kAmbiguous, fits,
@@ -96,7 +96,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                     facts.seen_through->name, 100 * facts.seen_through->share,
                     FormatOdds(facts.seen_through->log_odds)),
         "compare the pictures in report.html with where the sensors stand, and choose another pose "
-        "with --twin SENSOR=2; let both see more of the stack and the floor under it"};
+        "with --choose SENSOR=2; let both see more of the stack and the floor under it"};
   }
   if (facts.contradiction) {
     return Finding{
@@ -156,22 +156,22 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   return std::nullopt;
 }
 
-std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
-                                              const std::vector<std::optional<Pose>>& poses) {
+std::vector<std::optional<Finding>> FindDuplicates(const std::vector<std::string>& names,
+                                                   const std::vector<std::optional<Pose>>& poses) {
   constexpr double kSameDirectionDeg = 2;  // between sensors that are one
-  std::vector<std::optional<Finding>> twins(poses.size());
+  std::vector<std::optional<Finding>> duplicates(poses.size());
   for (std::size_t i = 0; i < poses.size(); ++i) {
     for (std::size_t j = 0; j < poses.size(); ++j) {
       if (i == j || !poses[i] || !poses[j]) continue;
       const PoseError gap = ComparePoses(*poses[i], *poses[j]);
       if (gap.translation_m > kSamePlace || gap.rotation_deg > kSameDirectionDeg) continue;
-      twins[i] = Finding{SensorCode::kSamePose,
-                         fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
-                                     names[j], 1000 * gap.translation_m, gap.rotation_deg),
-                         "check the sensors' depth files: one sensor seems to be given twice"};
+      duplicates[i] = Finding{SensorCode::kSamePose,
+                              fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
+                                          names[j], 1000 * gap.translation_m, gap.rotation_deg),
+                              "check the sensors' depth files: one sensor seems to be given twice"};
     }
   }
-  return twins;
+  return duplicates;
 }
 
 }  // namespace volalign

@@ -112,8 +112,9 @@ double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& c
 double LargestSigmaRotationDeg(const Matrix6d& covariance);
 
 /// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
-/// sensor is not placed. One result a sensor: what to say of it, which names the last of its twins.
-std::vector<std::optional<Finding>> FindTwins(const std::vector<std::string>& names,
-                                              const std::vector<std::optional<Pose>>& poses);
+/// sensor is not placed. One result a sensor: what to say of it, which names the last of its
+/// duplicates.
+std::vector<std::optional<Finding>> FindDuplicates(const std::vector<std::string>& names,
+                                                   const std::vector<std::optional<Pose>>& poses);
 
 }  // namespace volalign

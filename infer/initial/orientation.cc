@@ -124,7 +124,7 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
   std::vector<SensorCandidates> sensors(competitors.size());
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     sensors[i] = {context.views[i].view, competitors[i],
-                  TurnsOf(context, i, trials[i], competitors[i]), context.views[i].twin};
+                  TurnsOf(context, i, trials[i], competitors[i]), context.views[i].chosen};
   }
   return ChooseTogether(sensors, context.structure);
 }
@@ -137,7 +137,7 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
   Labelled out;
   if (from.known) return out;
   out.up_unknown = choice.up_unknown;
-  out.twins = choice.twins;
+  out.alternatives = choice.alternatives;
   out.given = choice.given;
   if (choice.ambiguous) {
     out.other_pose =

@@ -15,13 +15,14 @@
 namespace volalign {
 
 struct OrientationOptions {
-  std::vector<std::string> twins;
+  std::vector<std::string> choose;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("twins", twins,
+    ar("choose", choose,
        "alternative poses to take, SENSOR=NUMBER each: 1 is the pose that would be chosen, higher "
-       "numbers are those of twins in extrinsics.json");
+       "numbers are those of twins in extrinsics.json",
+       FormerlyNamed("twins"));
   }
 };
 
@@ -32,7 +33,7 @@ struct LabelRequest {
   /// Clockwise turns into the network's orientation, 0-3, or kAutoTurns where they are to be found.
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
-  int twin = 0;        ///< SensorCandidates::twin
+  int chosen = 0;      ///< SensorCandidates::chosen
   /// If not null, the pose that this frame keeps: it gets no labels, and the poses of the other
   /// frames are chosen to agree with it.
   const Pose* known = nullptr;
@@ -46,8 +47,8 @@ struct Labelled {
   /// How the structure would stand at another pose that explains the view about as well ("upside
   /// down"); empty where there is none.
   std::string other_pose;
-  std::vector<PoseTwin> twins;  ///< PoseChoice::twins
-  bool given = false;           ///< PoseChoice::given
+  std::vector<PoseAlternative> alternatives;  ///< PoseChoice::alternatives
+  bool given = false;                         ///< PoseChoice::given
   /// PoseChoice::up_unknown: this sensor's pose or the others' would be wrong.
   bool up_unknown = false;
   bool floor_would_tell = true;  ///< whether it is that other pose

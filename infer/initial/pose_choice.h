@@ -44,7 +44,7 @@ struct PoseCandidate {
 };
 
 /// The same rig otherwise: a pose that a sensor has in another set of the rig's poses.
-struct PoseTwin {
+struct PoseAlternative {
   int rig = 0;  ///< which set; sensors that have another pose in one set share the choice
   /// 2 for the sensor's most probable other pose, 3 for the next; of another set with that pose,
   /// the same.
@@ -64,8 +64,8 @@ struct PoseChoice {
   /// Upside down it would be as good, but then contradict the other sensors of the rig, or it
   /// contradicts them now.
   bool up_unknown = false;
-  bool given = false;           ///< a person has chosen the pose, see SensorCandidates::twin
-  std::vector<PoseTwin> twins;  ///< the most probable first
+  bool given = false;  ///< a person has chosen the pose, see SensorCandidates::chosen
+  std::vector<PoseAlternative> alternatives;  ///< the most probable first
 };
 
 /// Does one of two poses of a sensor turn the structure over?

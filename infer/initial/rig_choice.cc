@@ -291,16 +291,16 @@ class Rig {
 };
 
 /// Another choice, and the log odds of the one that is taken against it.
-struct Twin {
+struct Alternative {
   Choice choice;
   double log_odds = 0;
 };
 
 /// The best choices in which one of the sensors that are not fixed has another pose than in `best`,
 /// the most probable first.
-std::vector<Twin> OtherChoices(const Choice& best, const Choice& fixed, Rig* rig) {
+std::vector<Alternative> OtherChoices(const Choice& best, const Choice& fixed, Rig* rig) {
   const double score = rig->Score(best, Count::kFit);
-  std::vector<Twin> twins;
+  std::vector<Alternative> alternatives;
   for (std::size_t i = 0; i < rig->size(); ++i) {
     if (fixed[i] >= 0 || best[i] < 0) continue;
     for (int k = 0; k < static_cast<int>(rig->options(i).size()); ++k) {
@@ -308,21 +308,24 @@ std::vector<Twin> OtherChoices(const Choice& best, const Choice& fixed, Rig* rig
       Choice other = fixed;
       other[i] = k;
       other = rig->Best(other, Count::kFit, best);
-      const bool known = std::any_of(twins.begin(), twins.end(),
-                                     [&](const Twin& twin) { return twin.choice == other; });
-      if (!known) twins.push_back({other, score - rig->Score(other, Count::kFit)});
+      const bool known =
+          std::any_of(alternatives.begin(), alternatives.end(),
+                      [&](const Alternative& alternative) { return alternative.choice == other; });
+      if (!known) alternatives.push_back({other, score - rig->Score(other, Count::kFit)});
     }
   }
-  std::stable_sort(twins.begin(), twins.end(),
-                   [](const Twin& a, const Twin& b) { return a.log_odds < b.log_odds; });
-  return twins;
+  std::stable_sort(
+      alternatives.begin(), alternatives.end(),
+      [](const Alternative& a, const Alternative& b) { return a.log_odds < b.log_odds; });
+  return alternatives;
 }
 
 /// The other poses of a sensor, in the order of the most probable choice that has each.
-std::vector<int> OtherPoses(const std::vector<Twin>& twins, const Choice& best, std::size_t i) {
+std::vector<int> OtherPoses(const std::vector<Alternative>& alternatives, const Choice& best,
+                            std::size_t i) {
   std::vector<int> poses;
-  for (const Twin& twin : twins) {
-    const int k = twin.choice[i];
+  for (const Alternative& alternative : alternatives) {
+    const int k = alternative.choice[i];
     if (k != best[i] && std::find(poses.begin(), poses.end(), k) == poses.end()) poses.push_back(k);
   }
   return poses;
@@ -332,14 +335,14 @@ std::vector<int> OtherPoses(const std::vector<Twin>& twins, const Choice& best, 
 /// without these choices.
 Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& best, Rig* rig) {
   Choice given(rig->size(), -1);
-  const std::vector<Twin> twins = OtherChoices(best, given, rig);
+  const std::vector<Alternative> alternatives = OtherChoices(best, given, rig);
   for (std::size_t i = 0; i < rig->size(); ++i) {
-    const int twin = sensors[i].twin;
-    const std::vector<int> others = OtherPoses(twins, best, i);
-    if (twin == 1) given[i] = best[i];
-    if (twin < 2 || twin - 2 >= static_cast<int>(others.size())) continue;
-    const int asked = others[static_cast<std::size_t>(twin - 2)];
-    if (std::any_of(twins.begin(), twins.end(), [&](const Twin& each) {
+    const int chosen = sensors[i].chosen;
+    const std::vector<int> others = OtherPoses(alternatives, best, i);
+    if (chosen == 1) given[i] = best[i];
+    if (chosen < 2 || chosen - 2 >= static_cast<int>(others.size())) continue;
+    const int asked = others[static_cast<std::size_t>(chosen - 2)];
+    if (std::any_of(alternatives.begin(), alternatives.end(), [&](const Alternative& each) {
           return each.choice[i] == asked && each.log_odds < kDecides;
         })) {
       given[i] = asked;
@@ -356,11 +359,11 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
   Choice fixed(rig.size(), -1);
   Choice best = rig.Best(fixed, Count::kAll);
   if (std::any_of(sensors.begin(), sensors.end(),
-                  [](const SensorCandidates& sensor) { return sensor.twin > 0; })) {
+                  [](const SensorCandidates& sensor) { return sensor.chosen > 0; })) {
     fixed = GivenPoses(sensors, best, &rig);
     best = rig.Best(fixed, Count::kFit, best);
   }
-  const std::vector<Twin> twins = OtherChoices(best, fixed, &rig);
+  const std::vector<Alternative> alternatives = OtherChoices(best, fixed, &rig);
   std::vector<PoseChoice> choices(rig.size());
   for (std::size_t i = 0; i < rig.size(); ++i) {
     if (best[i] < 0) continue;
@@ -368,17 +371,18 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
     PoseChoice& choice = choices[i];
     choice.found = true;
     choice.best = pose_of(best[i]);
-    const std::vector<int> others = OtherPoses(twins, best, i);
-    for (std::size_t t = 0; t < twins.size(); ++t) {
-      const int k = twins[t].choice[i];
+    const std::vector<int> others = OtherPoses(alternatives, best, i);
+    for (std::size_t t = 0; t < alternatives.size(); ++t) {
+      const int k = alternatives[t].choice[i];
       const auto at = std::find(others.begin(), others.end(), k);
       if (at == others.end()) continue;
-      if (choice.twins.empty()) choice.rival = pose_of(k);
-      choice.twins.push_back({static_cast<int>(t), static_cast<int>(at - others.begin()) + 2,
-                              twins[t].log_odds, pose_of(k).structure_from_sensor});
+      if (choice.alternatives.empty()) choice.rival = pose_of(k);
+      choice.alternatives.push_back({static_cast<int>(t), static_cast<int>(at - others.begin()) + 2,
+                                     alternatives[t].log_odds, pose_of(k).structure_from_sensor});
     }
     choice.given = fixed[i] >= 0;
-    choice.ambiguous = !choice.twins.empty() && choice.twins.front().log_odds < kDecides;
+    choice.ambiguous =
+        !choice.alternatives.empty() && choice.alternatives.front().log_odds < kDecides;
   }
   const std::size_t anchor = rig.Anchor(best, choices);
   for (std::size_t i = 0; i < rig.size(); ++i)

@@ -16,10 +16,10 @@ struct SensorCandidates {
   /// Of each pose, the turns that bring the frame into the network's orientation; empty where they
   /// are given, or not known.
   std::vector<int> turns;
-  /// What a person has chosen: 1, the pose that would be chosen; 2 and on, PoseTwin::number; 0:
-  /// nothing. The sensor is then beyond doubt, and the others are chosen to suit it. A number that
-  /// it does not have, or whose pose the views refute by kDecisiveOdds, is ignored.
-  int twin = 0;
+  /// What a person has chosen: 1, the pose that would be chosen; 2 and on, PoseAlternative::number;
+  /// 0: nothing. The sensor is then beyond doubt, and the others are chosen to suit it. A number
+  /// that it does not have, or whose pose the views refute by kDecisiveOdds, is ignored.
+  int chosen = 0;
 };
 
 /// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another:
@@ -39,7 +39,7 @@ struct SensorCandidates {
 /// sensor that is mounted alike. Where nothing, not even the network's orientation, tells whether a
 /// sensor is upside down as the others stand, its up is unknown: taken either way, it might
 /// contradict them. Every set of poses that is the best in which some sensor has another pose than
-/// the chosen one is listed with its odds (PoseTwin).
+/// the chosen one is listed with its odds (PoseAlternative).
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
                                        const Structure& structure);
 

@@ -123,12 +123,13 @@ ReportRig RigOf(const CalibrationResult& result, const std::vector<StillFiles>& 
                 Advise(result),
                 PlacedFromAbove(result.sensors, *files.front().built),
                 {}};
-  for (const RigTwin& twin : result.twins) {
-    const auto of = std::find_if(files.begin(), files.end(),
-                                 [&](const StillFiles& still) { return still.name == twin.still; });
+  for (const RigAlternative& alternative : result.alternatives) {
+    const auto of = std::find_if(files.begin(), files.end(), [&](const StillFiles& still) {
+      return still.name == alternative.still;
+    });
     const StillFiles& still = of == files.end() ? files.front() : *of;
-    rig.twins.push_back(
-        TwinJson(twin, result.sensors, *still.sensors, *still.built, still.first_from_placement));
+    rig.alternatives.push_back(AlternativeJson(alternative, result.sensors, *still.sensors,
+                                               *still.built, still.first_from_placement));
   }
   return rig;
 }

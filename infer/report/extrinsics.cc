@@ -112,7 +112,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.Later("placements", extrinsics.placements);
   ar.Later("solution", extrinsics.solution);
   ar("pairs", extrinsics.pairs);
-  ar.Optional("twins", extrinsics.twins);
+  ar.Optional("twins", extrinsics.alternatives);
   ar.Optional("metrics", extrinsics.metrics);
   ar("timings_s", extrinsics.timings_s);
 }
@@ -222,7 +222,7 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.placements = PlacementsOf(result, structure, source.captures);
   out.size = {result.size_estimated, result.size_scale, result.sigma_size_scale};
   out.pairs = result.pairs;
-  out.twins = result.twins;
+  out.alternatives = result.alternatives;
   out.metrics = result.metrics;
   out.solution = result.solve;
   out.timings_s = result.timings_s;

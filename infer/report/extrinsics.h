@@ -99,7 +99,7 @@ struct Extrinsics {
   std::vector<Placement> placements;  ///< of the stills
   SolveReport solution;
   std::vector<PairResult> pairs;
-  std::vector<RigTwin> twins;
+  std::vector<RigAlternative> alternatives;
   std::optional<SetDistances> metrics;
   std::vector<std::pair<std::string, double>> timings_s;
 };

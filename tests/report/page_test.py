@@ -341,7 +341,7 @@ class ReportPage(unittest.TestCase):
 
     def test_other_poses_that_fit(self):
         """S1 and S2 may stand elsewhere, and a choice that is decided."""
-        self.assertTrue(self.page.evaluate("document.querySelector('#twins').hidden"))
+        self.assertTrue(self.page.evaluate("document.querySelector('#alternatives').hidden"))
         report = json.loads(json.dumps(self.report))
         sensors, frames = report["extrinsics"]["sensors"], report["stills"][0]["frames"]
         other = lambda *names: {name: {"twin": 2, "structure_from_sensor": sensors[name]["structure_from_sensor"]} for name in names}
@@ -349,12 +349,12 @@ class ReportPage(unittest.TestCase):
         shown = [{"sensor": frame["sensor"], "width": frame["width"], "height": frame["height"], "picture": frame["pictures"]["edges"], "outlines_differ": share}
                  for frame, share in zip(frames, (0.1, 0.3))]
         report["twins"] = [{"from_above": report["from_above"], "frames": shown}, {"from_above": report["from_above"], "frames": []}]
-        page = self.open_with(report, "twins.html")
-        text = page.evaluate("document.querySelector('#twins').innerText")
-        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--twin S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well is decided against, with odds from over 1000 : 1 on"):
+        page = self.open_with(report, "alternatives.html")
+        text = page.evaluate("document.querySelector('#alternatives').innerText")
+        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well is decided against, with odds from over 1000 : 1 on"):
             self.assertIn(part, text)
-        self.assertEqual(page.evaluate("document.querySelectorAll('#twins svg').length"), 2)
-        self.assertEqual(page.evaluate("document.querySelectorAll('#twins img').length"), 4)
+        self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives svg').length"), 2)
+        self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives img').length"), 4)
         self.assertEqual(page.complaints(), [])
         page.close()
 

@@ -73,7 +73,7 @@ def main(volalign, folder):
             file.write(text)
     structure = os.path.join(folder, "row.yaml")
     render(volalign, os.path.join(folder, "two.yaml"), row, "--set", f"structure={structure}")
-    twin = calibrate(volalign, row, os.path.join(folder, "row_calibration"), "--structure", structure)
+    alternative = calibrate(volalign, row, os.path.join(folder, "row_calibration"), "--structure", structure)
     with open(os.path.join(folder, "row_calibration", "extrinsics.json"), encoding="utf-8") as file:
         assert json.load(file)["twins"], "the row looks alike from both sides"
     with Browser() as browser:
@@ -82,7 +82,7 @@ def main(volalign, folder):
         shoot(browser, failed, "report_failed.png", 1200, until="#sensors")
         shoot(browser, whole, "report_phone.png", 390, 1500, mobile=True)
         shoot(browser, whole, "report_print.png", 700, 990, paper=True)
-        shoot(browser, twin, "report_twin.png", 1000, selector="#twins")
+        shoot(browser, alternative, "report_twin.png", 1000, selector="#alternatives")
 
 
 if __name__ == "__main__":

@@ -119,7 +119,7 @@ Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>&
   payload["notes"] = Lines(rig.notes);
   payload["advice"] = rig.advice;
   payload["from_above"] = rig.from_above;
-  payload["twins"] = rig.twins;
+  payload["twins"] = rig.alternatives;
   payload["decisive_odds"] = kDecisiveOdds;
   payload["limits"] = Limits(run.options);
   payload["extrinsics"] = ExtrinsicsJson(extrinsics, "report.html");

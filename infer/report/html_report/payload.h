@@ -41,10 +41,11 @@ nlohmann::ordered_json ReportFrameJson(const ReportFrame& frame);
 
 /// What the page says and shows of the rig as a whole.
 struct ReportRig {
-  std::string notes;                          ///< sentences, a line each
-  std::vector<std::string> advice;            ///< Advise
-  std::string from_above;                     ///< PlacedFromAbove
-  std::vector<nlohmann::ordered_json> twins;  ///< TwinJson, of each of Extrinsics::twins
+  std::string notes;                ///< sentences, a line each
+  std::vector<std::string> advice;  ///< Advise
+  std::string from_above;           ///< PlacedFromAbove
+  std::vector<nlohmann::ordered_json>
+      alternatives;  ///< AlternativeJson, of each of Extrinsics::alternatives
 };
 
 /// Everything that the page shows (docs/report.md): extrinsics.json as it is written, and beside it

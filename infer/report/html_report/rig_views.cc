@@ -16,10 +16,11 @@ namespace volalign {
 
 namespace {
 
-const SensorTwin* Find(const RigTwin& twin, const std::string& name) {
-  const auto found = std::find_if(twin.sensors.begin(), twin.sensors.end(),
-                                  [&](const SensorTwin& sensor) { return sensor.name == name; });
-  return found == twin.sensors.end() ? nullptr : &*found;
+const SensorAlternative* Find(const RigAlternative& alternative, const std::string& name) {
+  const auto found =
+      std::find_if(alternative.sensors.begin(), alternative.sensors.end(),
+                   [&](const SensorAlternative& sensor) { return sensor.name == name; });
+  return found == alternative.sensors.end() ? nullptr : &*found;
 }
 
 /// 1 - intersection over union of the pixels that show the structure at either pose.
@@ -38,11 +39,11 @@ double OutlinesDiffer(const SensorView& view, const Structure& structure, const 
 }  // namespace
 
 std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Structure& built,
-                            const RigTwin* twin) {
+                            const RigAlternative* alternative) {
   std::vector<SensorFromAbove> placed;
   for (const FrameResult& sensor : sensors) {
     if (!sensor.structure_from_sensor) continue;
-    const SensorTwin* other = twin ? Find(*twin, sensor.name) : nullptr;
+    const SensorAlternative* other = alternative ? Find(*alternative, sensor.name) : nullptr;
     SensorFromAbove from_above;
     from_above.name = sensor.name;
     from_above.intrinsics = sensor.intrinsics;
@@ -56,33 +57,34 @@ std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Struc
         "{}: {:.2f} m from the structure's origin, horizontally, at {:.0f}° from x towards z; "
         "{:.2f} m above the floor",
         sensor.name, distance, azimuth, height);
-    if (!twin && sensor.covariance.allFinite()) {
+    if (!alternative && sensor.covariance.allFinite()) {
       from_above.covariance =
           PositionCovariance(from_above.structure_from_sensor, sensor.covariance);
       from_above.title += fmt::format(
           "; known to {:.1f} mm (one standard deviation) where it is known least",
           1000 * LargestSigmaPosition(from_above.structure_from_sensor, sensor.covariance));
     }
-    const bool weak = twin ? other != nullptr : sensor.status == SensorStatus::kWeak;
+    const bool weak = alternative ? other != nullptr : sensor.status == SensorStatus::kWeak;
     from_above.colour = weak ? kOrange : kBlue;
     placed.push_back(std::move(from_above));
   }
   LegendFromAbove legend{{{kBlue, "ok"}, {kOrange, "weak"}},
                          "by each name: distance from the structure's origin, height above the "
                          "floor"};
-  if (twin) legend.colours = {{kBlue, "as reported"}, {kOrange, "elsewhere"}};
+  if (alternative) legend.colours = {{kBlue, "as reported"}, {kOrange, "elsewhere"}};
   return RigFromAbove(built, placed, legend);
 }
 
-nlohmann::ordered_json TwinJson(const RigTwin& twin, const std::vector<FrameResult>& sensors,
-                                const std::vector<FrameResult>& of_still, const Structure& built,
-                                const Pose& first_from_placement) {
-  nlohmann::ordered_json json = {{"from_above", PlacedFromAbove(sensors, built, &twin)}};
+nlohmann::ordered_json AlternativeJson(const RigAlternative& alternative,
+                                       const std::vector<FrameResult>& sensors,
+                                       const std::vector<FrameResult>& of_still,
+                                       const Structure& built, const Pose& first_from_placement) {
+  nlohmann::ordered_json json = {{"from_above", PlacedFromAbove(sensors, built, &alternative)}};
   nlohmann::ordered_json& frames = json["frames"] = nlohmann::ordered_json::array();
   const std::vector<int> turns = UprightTurnsOf(of_still);
   for (std::size_t i = 0; i < of_still.size(); ++i) {
     const FrameResult& sensor = of_still[i];
-    const SensorTwin* other = Find(twin, sensor.name);
+    const SensorAlternative* other = Find(alternative, sensor.name);
     if (!other || !sensor.structure_from_sensor) continue;
     const Pose pose = first_from_placement.inverse() * other->structure_from_sensor;
     const RgbImage edges = EdgesPanel(sensor, built, pose, turns[i]);

@@ -149,34 +149,34 @@ function fillAbove(report) {
 }
 
 // The sets of poses that the rig may have instead: both from above, and the pictures.
-function fillTwins(report) {
-  const twins = (report.extrinsics.twins || []).map((twin, i) => ({ ...twin, ...report.twins[i] }));
-  const open = twins.filter((twin) => twin.log_odds < Math.log(report.decisive_odds));
-  $("twins").hidden = !twins.length;
-  for (const twin of open) {
-    const names = Object.keys(twin.sensors), telling = [...twin.frames].sort((a, b) => b.outlines_differ - a.outlines_differ)[0];
-    const chosen = names.filter((name) => twin.sensors[name].twin);
-    const odds = el("b", { title: `Odds, a ratio without unit: how much more probable the reported poses are than these; from ${report.decisive_odds} : 1 on they count as decided` }, oddsWords(twin.log_odds));
-    $("twin-list").append(el("article", { class: "twin" },
+function fillAlternatives(report) {
+  const alternatives = (report.extrinsics.twins || []).map((alternative, i) => ({ ...alternative, ...report.twins[i] }));
+  const open = alternatives.filter((alternative) => alternative.log_odds < Math.log(report.decisive_odds));
+  $("alternatives").hidden = !alternatives.length;
+  for (const alternative of open) {
+    const names = Object.keys(alternative.sensors), telling = [...alternative.frames].sort((a, b) => b.outlines_differ - a.outlines_differ)[0];
+    const chosen = names.filter((name) => alternative.sensors[name].twin);
+    const odds = el("b", { title: `Odds, a ratio without unit: how much more probable the reported poses are than these; from ${report.decisive_odds} : 1 on they count as decided` }, oddsWords(alternative.log_odds));
+    $("alternative-list").append(el("article", { class: "alternative" },
       el("h3", {}, `${names.join(", ")} may stand elsewhere`),
-      el("p", {}, "Odds of the reported poses against the others: ", odds, `${twin.placement ? `, in ${twin.placement}` : ""}. `,
-        chosen.length ? ["If the second is right, calibrate again with ", el("code", {}, `--twin ${chosen[0]}=${twin.sensors[chosen[0]].twin}`), names.length > 1 ? `: ${names.slice(names.indexOf(chosen[0]) === 0 ? 1 : 0).filter((n) => n !== chosen[0]).join(", ")} will follow.` : "."] : ""),
+      el("p", {}, "Odds of the reported poses against the others: ", odds, `${alternative.placement ? `, in ${alternative.placement}` : ""}. `,
+        chosen.length ? ["If the second is right, calibrate again with ", el("code", {}, `--choose ${chosen[0]}=${alternative.sensors[chosen[0]].twin}`), names.length > 1 ? `: ${names.slice(names.indexOf(chosen[0]) === 0 ? 1 : 0).filter((n) => n !== chosen[0]).join(", ")} will follow.` : "."] : ""),
       el("div", { class: "side-by-side" },
         el("figure", {}, svgNode(report.from_above, "As reported"), el("figcaption", {}, "1: as reported")),
-        el("figure", {}, svgNode(twin.from_above, "The other poses"), el("figcaption", {}, `2: ${names.join(", ")} elsewhere`))),
+        el("figure", {}, svgNode(alternative.from_above, "The other poses"), el("figcaption", {}, `2: ${names.join(", ")} elsewhere`))),
       telling ? el("p", {}, "Go by where the sensors stand in the room. Of the pictures, look at that of ", el("b", {}, telling.sensor), " first: the stack’s outlines at both poses differ by ",
         el("b", { title: "Percent of the pixels that show the stack at one pose or the other, but not at both" }, percent(telling.outlines_differ)),
         telling.outlines_differ < 0.05 ? " only, so that a picture hardly tells." : ".") : "",
-      twin.frames.map((other) => {
-        const still = report.stills.find((part) => !twin.placement || part.name === twin.placement);
+      alternative.frames.map((other) => {
+        const still = report.stills.find((part) => !alternative.placement || part.name === alternative.placement);
         const frame = still.frames.find((part) => part.sensor === other.sensor);
         return el("div", { class: "side-by-side" }, [[frame.pictures.edges, "1: edges at the reported pose"], [other.picture, "2: edges at the other pose"]].map(([src, caption]) =>
           el("figure", {}, el("img", { src, alt: `${other.sensor}, ${caption}`, width: other.width, height: other.height, loading: "lazy" }), el("figcaption", {}, `${other.sensor}, ${caption}`))));
       })));
   }
-  const decided = twins.filter((twin) => !open.includes(twin));
+  const decided = alternatives.filter((alternative) => !open.includes(alternative));
   if (decided.length) {
-    $("twin-list").append(el("p", { class: "muted" }, `${plural(decided.length, "set")} of poses that fit less well ${decided.length === 1 ? "is" : "are"} decided against, with odds from `,
+    $("alternative-list").append(el("p", { class: "muted" }, `${plural(decided.length, "set")} of poses that fit less well ${decided.length === 1 ? "is" : "are"} decided against, with odds from `,
       el("span", { title: "Odds, a ratio without unit, of the reported poses against the most probable of these sets" }, oddsWords(decided[0].log_odds)), " on; extrinsics.json has them."));
   }
 }

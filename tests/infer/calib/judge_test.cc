@@ -111,9 +111,9 @@ TEST(QuestionsStack, WhereASensorContradictsOthersAtTheOnlyPoseThatItHas) {
     sensor.code = code;
     EXPECT_TRUE(QuestionsStack(sensor, {}));
   }
-  RigTwin twin;
-  twin.sensors = {{"S0", 2, Pose::Identity()}};
-  EXPECT_FALSE(QuestionsStack(sensor, {twin}));
+  RigAlternative alternative;
+  alternative.sensors = {{"S0", 2, Pose::Identity()}};
+  EXPECT_FALSE(QuestionsStack(sensor, {alternative}));
   for (const SensorCode code : {SensorCode::kNone, SensorCode::kNoDepth, SensorCode::kUncertain}) {
     sensor.code = code;
     EXPECT_FALSE(QuestionsStack(sensor, {}));

@@ -148,19 +148,19 @@ TEST(FindWeakness, TurnsAreAskedForOnlyWhereTheyAreNotGiven) {
   EXPECT_EQ(FindWeakness(facts, VerdictOptions())->hint.find("quarter_turns"), std::string::npos);
 }
 
-TEST(FindTwins, NamesSensorsInOnePlaceWithOneDirection) {
+TEST(FindDuplicates, NamesSensorsInOnePlaceWithOneDirection) {
   Pose a = Pose::Identity(), near = Pose::Identity(), turned = Pose::Identity();
   near.translation().x() = 0.019;
   turned.linear() = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  const auto twins = FindTwins({"A", "B", "C", "D"}, {a, near, turned, std::nullopt});
-  ASSERT_TRUE(twins[0].has_value());
-  EXPECT_EQ(twins[0]->code, SensorCode::kSamePose);
-  EXPECT_NE(twins[0]->reason.find("where B stands, to 19.0 mm"), std::string::npos)
-      << twins[0]->reason;
-  ASSERT_TRUE(twins[1].has_value());
-  EXPECT_NE(twins[1]->reason.find("where A stands"), std::string::npos);
-  EXPECT_FALSE(twins[2].has_value());  // the same place, another direction
-  EXPECT_FALSE(twins[3].has_value());  // not placed
+  const auto duplicates = FindDuplicates({"A", "B", "C", "D"}, {a, near, turned, std::nullopt});
+  ASSERT_TRUE(duplicates[0].has_value());
+  EXPECT_EQ(duplicates[0]->code, SensorCode::kSamePose);
+  EXPECT_NE(duplicates[0]->reason.find("where B stands, to 19.0 mm"), std::string::npos)
+      << duplicates[0]->reason;
+  ASSERT_TRUE(duplicates[1].has_value());
+  EXPECT_NE(duplicates[1]->reason.find("where A stands"), std::string::npos);
+  EXPECT_FALSE(duplicates[2].has_value());  // the same place, another direction
+  EXPECT_FALSE(duplicates[3].has_value());  // not placed
 }
 
 }  // namespace

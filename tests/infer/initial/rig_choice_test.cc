@@ -56,11 +56,12 @@ struct Candidates {
       poses.push_back({a, b});
     }
   }
-  /// `turns`: of the right pose and of the other, where they are known. `twin`: of the last sensor.
-  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}, int twin = 0) const {
+  /// `turns`: of the right pose and of the other, where they are known. `alternative`: of the last
+  /// sensor.
+  std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}, int alternative = 0) const {
     std::vector<SensorCandidates> sensors;
     for (std::size_t i = 0; i < views.size(); ++i)
-      sensors.push_back({&views[i], poses[i], turns, i + 1 == views.size() ? twin : 0});
+      sensors.push_back({&views[i], poses[i], turns, i + 1 == views.size() ? alternative : 0});
     return ChooseTogether(sensors, structure);
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
@@ -136,9 +137,9 @@ TEST(ChooseAlone, TheRivalIsTheBestOfSeveral) {
                    Candidate(Upright(180, 0.8), 0, 2), Candidate(Upright(-90, -0.4), 0, 1)});
   EXPECT_TRUE(choice.ambiguous);
   EXPECT_EQ(choice.rival.by_labels, 2);
-  ASSERT_EQ(choice.twins.size(), 3u);
-  EXPECT_NEAR(choice.twins[0].log_odds, 1, 1e-9);
-  EXPECT_NEAR(choice.twins[2].log_odds, 3, 1e-9);
+  ASSERT_EQ(choice.alternatives.size(), 3u);
+  EXPECT_NEAR(choice.alternatives[0].log_odds, 1, 1e-9);
+  EXPECT_NEAR(choice.alternatives[2].log_odds, 3, 1e-9);
 }
 
 // Poses 10 cm and 5 deg apart are one pose that different labels led to; geometry has none.
@@ -181,12 +182,12 @@ TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
   const std::vector<PoseChoice> choices = rig.Choose(), turned = rig.Choose({}, 2),
                                 confirmed = rig.Choose({}, 1);
   for (std::size_t i = 0; i < choices.size(); ++i) {
-    ASSERT_FALSE(choices[i].twins.empty()) << i;
-    const PoseTwin& twin = choices[i].twins.front();
-    EXPECT_EQ(twin.rig, choices[0].twins.front().rig) << "one choice of all";
-    EXPECT_EQ(twin.number, 2);
-    EXPECT_TRUE(SamePose(rig.structure, twin.structure_from_sensor, rig.over[i])) << i;
-    EXPECT_NEAR(twin.log_odds, 0, 1e-9) << "labels do not count";
+    ASSERT_FALSE(choices[i].alternatives.empty()) << i;
+    const PoseAlternative& alternative = choices[i].alternatives.front();
+    EXPECT_EQ(alternative.rig, choices[0].alternatives.front().rig) << "one choice of all";
+    EXPECT_EQ(alternative.number, 2);
+    EXPECT_TRUE(SamePose(rig.structure, alternative.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_NEAR(alternative.log_odds, 0, 1e-9) << "labels do not count";
     // The sensor that was asked about takes the others with it, and nothing is open any more.
     EXPECT_TRUE(SamePose(rig.structure, turned[i].best.structure_from_sensor, rig.over[i])) << i;
     EXPECT_EQ(turned[i].given, i == 3) << i;
@@ -211,11 +212,11 @@ TEST(ChooseTogether, SmallDifferencesOfDepthsDoNotAddUp) {
   }
 }
 
-TEST(ChooseAlone, WhatIsImprobableIsNoTwin) {
+TEST(ChooseAlone, WhatIsImprobableIsNoAlternative) {
   for (const double floor : {-13.0, -14.0}) {
     const PoseChoice choice =
         ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), floor, 3)});
-    EXPECT_EQ(choice.twins.size(), -floor > std::log(kNamedOdds) ? 0u : 1u) << floor;
+    EXPECT_EQ(choice.alternatives.size(), -floor > std::log(kNamedOdds) ? 0u : 1u) << floor;
   }
 }
 

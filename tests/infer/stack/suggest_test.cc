@@ -69,7 +69,7 @@ int Alike(const TargetQuality& quality) {
 
 // A straight column of equal cartons looks the same after half a turn. The suggestion has no view
 // that another pose shares, even without the floor, though it was measured from other places.
-TEST(SuggestStack, EqualCartonsGetAStackWithoutATwin) {
+TEST(SuggestStack, EqualCartonsGetAStackWithoutAnAlternative) {
   SuggestOptions options;
   options.candidates = 8;
   const SuggestedStack suggested = SuggestStack("cartons", ParseBoxes("3x 600x400x350"), options);

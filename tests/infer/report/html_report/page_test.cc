@@ -159,14 +159,15 @@ TEST(PlacedFromAbove, SaysDistanceAndHeightOfEachPlacedSensor) {
   EXPECT_FALSE(Has(svg, "S2")) << "it has no pose";
 }
 
-TEST(TwinJson, ShowsTheSensorsThatStandElsewhere) {
+TEST(AlternativeJson, ShowsTheSensorsThatStandElsewhere) {
   const Structure structure = PaperStructure();
   const Pose at = RingPose(40), other = RingPose(130);
   const std::vector<FrameResult> sensors = {Seen("S1", structure, at),
                                             Seen("S2", structure, RingPose(200))};
-  RigTwin twin;
-  twin.sensors = {{"S1", 2, other}};
-  const nlohmann::ordered_json json = TwinJson(twin, sensors, sensors, structure, Pose::Identity());
+  RigAlternative alternative;
+  alternative.sensors = {{"S1", 2, other}};
+  const nlohmann::ordered_json json =
+      AlternativeJson(alternative, sensors, sensors, structure, Pose::Identity());
   ASSERT_EQ(json["frames"].size(), 1u);
   EXPECT_EQ(json["frames"][0]["sensor"], "S1");
   EXPECT_GT(json["frames"][0]["outlines_differ"], 0.01);
@@ -174,16 +175,17 @@ TEST(TwinJson, ShowsTheSensorsThatStandElsewhere) {
   EXPECT_NE(json["from_above"], PlacedFromAbove(sensors, structure));
   EXPECT_TRUE(Has(json["from_above"], "elsewhere"));
   EXPECT_FALSE(Has(json["from_above"], "ellipses")) << "the other poses have no covariance";
-  twin.sensors = {{"S1", 2, at}};
-  EXPECT_EQ(
-      TwinJson(twin, sensors, sensors, structure, Pose::Identity())["frames"][0]["outlines_differ"],
-      0);
+  alternative.sensors = {{"S1", 2, at}};
+  EXPECT_EQ(AlternativeJson(alternative, sensors, sensors, structure,
+                            Pose::Identity())["frames"][0]["outlines_differ"],
+            0);
   // In another still's structure the pose is another one.
   Pose moved = Pose::Identity();
   moved.translation().x() = 1;
-  twin.sensors = {{"S1", 2, moved * at}};
-  EXPECT_NEAR(TwinJson(twin, sensors, sensors, structure, moved)["frames"][0]["outlines_differ"], 0,
-              1e-3);
+  alternative.sensors = {{"S1", 2, moved * at}};
+  EXPECT_NEAR(AlternativeJson(alternative, sensors, sensors, structure,
+                              moved)["frames"][0]["outlines_differ"],
+              0, 1e-3);
 }
 
 }  // namespace

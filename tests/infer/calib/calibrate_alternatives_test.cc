@@ -10,7 +10,7 @@
 #include "infer/calib/calibrate.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign::calibrate_twins_test {
+namespace volalign::calibrate_alternatives_test {
 namespace {
 
 using testing_infer::AddNoise;
@@ -44,7 +44,7 @@ Rig FromBothSides(double azimuth) {
 
 // The row may be taken for itself from behind, but not by one of the two alone: they would see
 // through what the other one sees, although walls and floor then lie in the same places.
-TEST(CalibrateTwins, ARowFromBothSides) {
+TEST(CalibrateAlternatives, ARowFromBothSides) {
   for (const double azimuth : {80.0, 90.0, 100.0, 115.0}) {
     SCOPED_TRACE(azimuth);
     const Rig rig = FromBothSides(azimuth);
@@ -63,34 +63,35 @@ TEST(CalibrateTwins, ARowFromBothSides) {
   }
 }
 
-// Both sensors have one other set of poses, at the other side of the row, which --twin chooses for
-// both by either.
-TEST(CalibrateTwins, TheOtherSideIsInTheResultAndCanBeChosen) {
+// Both sensors have one other set of poses, at the other side of the row, which --choose chooses
+// for both by either.
+TEST(CalibrateAlternatives, TheOtherSideIsInTheResultAndCanBeChosen) {
   const Rig rig = FromBothSides(100);
   const std::vector<Still> stills{{"", rig.frames}};
   CalibrateOptions options;
   const CalibrationResult first = Calibrate(stills, rig.structure, nullptr, options);
-  ASSERT_FALSE(first.twins.empty());
-  const RigTwin& twin = first.twins.front();
-  ASSERT_EQ(twin.sensors.size(), 2u) << "neither turns without the other";
-  EXPECT_LT(twin.log_odds, std::log(kDecisiveOdds));
-  options.orientation.twins = {"S1=2"};
+  ASSERT_FALSE(first.alternatives.empty());
+  const RigAlternative& alternative = first.alternatives.front();
+  ASSERT_EQ(alternative.sensors.size(), 2u) << "neither turns without the other";
+  EXPECT_LT(alternative.log_odds, std::log(kDecisiveOdds));
+  options.orientation.choose = {"S1=2"};
   const CalibrationResult second = Calibrate(stills, rig.structure, nullptr, options);
   for (std::size_t i = 0; i < 2; ++i) {
     const FrameResult& sensor = second.sensors[i];
     ASSERT_TRUE(sensor.structure_from_sensor.has_value());
-    EXPECT_LT(ComparePoses(*sensor.structure_from_sensor, twin.sensors[i].structure_from_sensor)
-                  .translation_m,
-              0.05);
+    EXPECT_LT(
+        ComparePoses(*sensor.structure_from_sensor, alternative.sensors[i].structure_from_sensor)
+            .translation_m,
+        0.05);
     EXPECT_NE(sensor.code, SensorCode::kAmbiguous) << "the choice is made";
   }
-  options.orientation.twins = {"S1=9"};
+  options.orientation.choose = {"S1=9"};
   EXPECT_THROW(Calibrate(stills, rig.structure, nullptr, options), ConfigError);
   for (const char* wrong : {"S1", "S1=0", "S1=x", "S9=2"}) {
-    options.orientation.twins = {wrong};
+    options.orientation.choose = {wrong};
     EXPECT_THROW(Calibrate(stills, rig.structure, nullptr, options), ConfigError) << wrong;
   }
 }
 
 }  // namespace
-}  // namespace volalign::calibrate_twins_test
+}  // namespace volalign::calibrate_alternatives_test
