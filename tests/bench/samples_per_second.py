@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Training samples a second of builds of render_bench, by renderer, sensor, threads and processes, and of a pyrender pipeline, in one run.
+"""Training samples a second of builds of render_bench, by renderer, sensor, threads and processes, in one run.
 
-    tests/bench/samples_per_second.py NAME=RENDER_BENCH [NAME=RENDER_BENCH ...] [--pyrender PYTHON] [--rounds 2] [--seconds 1] [--json out.json]
+    tests/bench/samples_per_second.py NAME=RENDER_BENCH [NAME=RENDER_BENCH ...] [--rounds 2] [--seconds 1] [--json out.json]
 
 Each contestant takes its turn in each round: whole samples on one thread by the thread's processor time (BM_Synthesize), and the stream with one thread, with two, and in
 two processes of one thread by the clock (BM_SampleStream). The best of all rounds counts. All keep the memory that they free, as `train` does. The first build is
-what the others are compared with, each in its own source tree. --pyrender names a Python that has it (pyrender_depth.py says what it draws). Run it from the repository's root.
+what the others are compared with, each in its own source tree. Run it from the repository's root.
 """
 
 import argparse
@@ -61,25 +61,15 @@ class Build:
         return [sample["cpu_time"] / 1000, *rates]
 
 
-def pyrender(python, seconds):
-    command = [python, str(pathlib.Path(__file__).with_name("pyrender_depth.py")), str(seconds)]
-    alone = output(start(command))
-    both = [start(command) for _ in range(2)]
-    return [alone["cpu_ms"], alone["samples_per_s"], float("nan"), sum(output(process)["samples_per_s"] for process in both)]
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("builds", nargs="+", metavar="NAME=RENDER_BENCH")
-    parser.add_argument("--pyrender", metavar="PYTHON")
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=1)
     parser.add_argument("--json")
     args = parser.parse_args()
     builds = {name: Build(program, args.seconds) for name, program in (build.split("=", 1) for build in args.builds)}
     turns = {(size, name, RENDERERS[r]): (lambda b=build, s=SIZES[size], r=r: b.measure(s, r)) for size in SIZES for name, build in builds.items() for r in build.renderers()}
-    if args.pyrender:
-        turns["D415, 320x180", "pyrender, depth alone", "egl"] = lambda: pyrender(args.pyrender, 3 * args.seconds)
     best = {}
     for _ in range(args.rounds):
         for key, measure in turns.items():

@@ -21,14 +21,12 @@ import math
 import os
 import pathlib
 import re
-import struct
 import subprocess
 import sys
 import time
-import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-from grey_png import read_png  # noqa: E402
+from grey_png import read_png, write_png  # noqa: E402
 
 AXES = "xyz"
 WRONG_M, WRONG_DEG = 0.1, 10
@@ -132,16 +130,6 @@ def apart(a, b):
     """m and deg between two poses."""
     trace = sum(multiplied(inverse(a), b)[i][i] for i in range(3))
     return math.dist([row[3] for row in a], [row[3] for row in b]), math.degrees(math.acos(max(-1, min(1, (trace - 1) / 2))))
-
-
-def write_png(path, rows):
-    """16 bits."""
-    def part(kind, body):
-        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-    body = b"".join(b"\0" + struct.pack(f">{len(row)}H", *row) for row in rows)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + part(b"IHDR", struct.pack(">IIBBBBB", len(rows[0]), len(rows), 16, 0, 0, 0, 0))
-                     + part(b"IDAT", zlib.compress(body)) + part(b"IEND", b""))
 
 
 def wrong_sensors(placed, truth, limits):
