@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -24,7 +23,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/read_file.h"
+#include "tests/core/base/temp_folder.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::rig_test {
@@ -37,11 +36,6 @@ RigCapture RenderOne(const Rig& rig, DepthRenderer& renderer) {
 
 class RigTest : public testing::Test {
  protected:
-  RigTest()
-      : dir_(std::filesystem::temp_directory_path() /
-             ("volalign_rig_test_" + std::to_string(getpid()))) {}
-  ~RigTest() override { std::filesystem::remove_all(dir_); }
-
   static Rig Parse(const std::string& yaml) {
     return ReadRig(ConfigSource::FromString(yaml, "test.yaml"));
   }
@@ -54,7 +48,8 @@ class RigTest : public testing::Test {
     return "";
   }
 
-  std::filesystem::path dir_;
+  TempFolder folder_;
+  const std::filesystem::path dir_ = folder_.path();
   EglContext egl_;
   GlDepthRenderer renderer_;
 };
@@ -719,14 +714,6 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
       {"placements[1]", "x_cm: 170", "sensor A"});
   EXPECT_NE(ErrorOf("sensors: [{name: A}]\ndevice_errors: same\n").find("persistent"),
             std::string::npos);
-}
-
-TEST_F(RigTest, UprightTurnsFollowTheMounting) {
-  for (int turns = 0; turns < 4; ++turns) {
-    RigSensor sensor;
-    sensor.roll_deg = 90 * turns;
-    EXPECT_EQ(UprightTurns(RigSensorPose(sensor, 0, -0.81)), turns);
-  }
 }
 
 }  // namespace

@@ -260,27 +260,6 @@ TEST_F(ImageIo, EveryTruncationIsRefused) {
   }
 }
 
-TEST_F(ImageIo, FlippedBytesNeverCrash) {
-  RandomStream random(5, 0, "flip");
-  for (const auto& [name, bytes] : ValidFiles(folder_)) {
-    int refused = 0;
-    for (int i = 0; i < 150; ++i) {
-      std::string broken = bytes;
-      // Headers first: they decide sizes and kinds.
-      const int at = i < 60 ? i : random.Below(static_cast<int>(bytes.size()));
-      broken[static_cast<std::size_t>(at)] =
-          static_cast<char>(broken[static_cast<std::size_t>(at)] ^ (1 + random.Below(255)));
-      refused += Readable(File(broken)) ? 0 : 1;
-    }
-    // PNG chunks carry checksums, plain PGM pixels do not.
-    if (name.find("PNG") != std::string::npos) {
-      EXPECT_GT(refused, 140) << name;
-    } else {
-      EXPECT_GT(refused, 5) << name;
-    }
-  }
-}
-
 TEST(DepthUnits, RoundTripOfEveryStep) {
   Image16 raw(256, 256);
   for (std::size_t i = 0; i < raw.size(); ++i) raw[i] = static_cast<std::uint16_t>(i);

@@ -43,14 +43,6 @@ TEST(Intrinsics, ResizedKeepsTheBordersOfTheImage) {
   EXPECT_TRUE(full.Resized(640, 480) == full);
 }
 
-TEST(Intrinsics, FourTurnsAreNone) {
-  const Intrinsics full = Example();
-  EXPECT_TRUE(full.Turned(4) == full);
-  EXPECT_TRUE(full.Turned(1).Turned(-1) == full);
-  EXPECT_TRUE(full.Turned(1).Turned(1) == full.Turned(2));
-  EXPECT_FALSE(full.Turned(1) == full);
-}
-
 TEST(Intrinsics, TurnedIsTheCameraOfTheTurnedImage) {
   const Intrinsics full{33, 21, 30.5, 29.25, 15.1, 11.7, {0.2, -0.1, 0.03, -0.02, 0.05}};
   for (int turns = -1; turns < 5; ++turns) {
@@ -259,18 +251,6 @@ TEST(Lens, RaysProjectBackToTheirPixels) {
         // Float rays: 1e-7 of a focal length.
         ASSERT_FALSE(!(error <= 1e-4)) << lens.size() << " coefficients, pixel " << u << " " << v;
       }
-    }
-  }
-}
-
-TEST(Lens, OneCurveServesBothFactoryCalibrations) {
-  const std::vector<std::pair<double, double>> curve = {{0.2, 0.987}, {0.4, 0.950}, {0.6, 0.898}};
-  for (const std::vector<double>& lens : std::vector<std::vector<double>>{
-           {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419},
-           {4.72474, 3.20922, 0, 0, 0.17060, 5.05586, 4.77578, 0.88649}}) {
-    const Intrinsics k = Camera(lens);
-    for (const auto& [r, factor] : curve) {
-      EXPECT_NEAR((ProjectRay(k, {r, 0}).x() - k.cx) / (k.fx * r), factor, 6e-4);
     }
   }
 }

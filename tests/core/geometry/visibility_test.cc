@@ -300,17 +300,6 @@ TEST(DistanceToSurface, AgreesWithDenseSampling) {
   }
 }
 
-TEST(DistanceToSurface, ClosedForms) {
-  const Structure box = Structure::FromBoxes("s", {Box::FromMinMax("a", {-1, -1, -1}, {1, 1, 1})});
-  EXPECT_NEAR(DistanceToSurface(box, {3, 0, 0}).distance, 2, 1e-15);
-  EXPECT_EQ(box.sides()[static_cast<std::size_t>(DistanceToSurface(box, {3, 0, 0}).side)].name,
-            "a/front");
-  EXPECT_NEAR(DistanceToSurface(box, {2, 2, 2}).distance, std::sqrt(3.0), 1e-15);
-  EXPECT_NEAR(DistanceToSurface(box, {0, -0.9, 0}).distance, 0.1, 1e-15);  // inside
-  EXPECT_EQ(box.sides()[static_cast<std::size_t>(DistanceToSurface(box, {0, -0.9, 0}).side)].name,
-            "a/down");
-}
-
 TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
   Structure yawed = PaperStructure();
   std::vector<Pose> offsets(4, Pose::Identity());

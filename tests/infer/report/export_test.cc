@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cmath>
-#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <limits>
@@ -30,7 +28,6 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/read_png.h"
-#include "tests/core/geometry/quarter_turn_pose.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::export_test {
@@ -645,42 +642,6 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
   }
 }
 
-TEST_F(ExportTest, AFolderThatCannotBeWrittenIsNamed) {
-  const TempFolder folder;
-  { const ResultFolder made(folder / "a/b"); }
-  EXPECT_TRUE(std::filesystem::is_directory(folder / "a/b"));
-  WriteFileAtomically(folder / "file", "x");
-  ExpectError<IoError>([&] { ResultFolder(folder / "file"); }, {"file", "choose another"});
-  ExpectError<IoError>([&] { ResultFolder(folder / "file/inner"); }, {"file", "choose another"});
-}
-
-/// Bytes of every file by its path.
-std::map<std::string, std::string> Contents(const std::filesystem::path& folder) {
-  std::map<std::string, std::string> contents;
-  for (const std::string& file : Files(folder)) contents[file] = ReadFile(folder / file);
-  return contents;
-}
-
-TEST_F(ExportTest, AFullDiskLeavesTheEarlierResult) {
-  const TempFolder folder;
-  const auto write = [&] {
-    WriteCalibration(ResultFolder(folder.path()), *result_, {{"", rig_->frames}}, rig_->structure,
-                     {});
-  };
-  write();
-  const auto before = Contents(folder.path());
-  rlimit old_limit{};
-  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &old_limit), 0);
-  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
-  rlimit limit = old_limit;
-  limit.rlim_cur = 100000;  // between a picture and a cloud
-  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
-  ExpectError<IoError>(write, {"cannot write", "File too large"});
-  ::setrlimit(RLIMIT_FSIZE, &old_limit);
-  std::signal(SIGXFSZ, old_handler);
-  EXPECT_TRUE(Contents(folder.path()) == before);
-}
-
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
   const std::string report = FormatReport(*result_);
   for (const std::string part : {"left", "right", "blind", "no_depth", "inliers: labelled",
@@ -711,16 +672,6 @@ TEST_F(ExportTest, WhatIsSaidOfSeveralSensorsIsSaidOnce) {
   result.sensors[1].status = SensorStatus::kFailed;
   EXPECT_NE(FormatReport(result).find("\nright failed (large_residual): another reason; a hint\n"),
             std::string::npos);
-}
-
-TEST(UprightTurns, BringsTheStructureToItsFeet) {
-  // The turned image's upward direction must be the structure's: p_sensor = QuarterTurnPose(k) *
-  // p_turned.
-  for (const double roll : {0.0, 90.0, 180.0, 270.0, 95.0, -4.0}) {
-    const Pose pose = RingPose(40, 2, 0.4, roll);
-    const Pose turned = pose * QuarterTurnPose(UprightTurns(pose));
-    EXPECT_LT((turned.linear() * Eigen::Vector3d::UnitY()).y(), -0.9) << roll;
-  }
 }
 
 }  // namespace
