@@ -122,7 +122,7 @@ def total(parts):
 
 
 def main():
-    bad = "Of what was told, a still has a alternative; it is held; so it is. " + "word " * 31 + "ends. What is this?"
+    bad = "Of what was told, a still has a twin; it is held; so it is. " + "word " * 31 + "ends. What is this?"
     assert total(of_page(bad)) == [1, 1, 1, 4], total(of_page(bad))
     groups, every = {}, []
     for group, place, found in texts():
