@@ -115,7 +115,8 @@ function(volalign_script_test name seconds)
   endif()
   add_test(NAME ${name} COMMAND Python3::Interpreter ${ARG_COMMAND})
   volalign_time_limit(${seconds} timeout)
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} COST ${seconds} LABELS "${ARG_LABELS}" ENVIRONMENT "LP_NUM_THREADS=0")
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${timeout} COST ${seconds} LABELS "${ARG_LABELS}"
+    ENVIRONMENT "LP_NUM_THREADS=0;PYTHONDONTWRITEBYTECODE=1")
 endfunction()
 
 # volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ... [NEEDS a:PART:l ...]): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as

@@ -12,26 +12,8 @@ import re
 import shlex
 import shutil
 import subprocess
-import sys
-import tempfile
-import unittest
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PROGRAM = os.path.abspath(sys.argv.pop(1)) if len(sys.argv) > 1 else ""
-
-
-def run(arguments, folder, **environment):
-    """Status and output (both streams) of a command line of the program."""
-    done = subprocess.run(
-        ["bash", "-c", f'volalign() {{ "{PROGRAM}" "$@"; }}; {arguments}'],
-        cwd=folder,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    return done.returncode, done.stdout
+from program import PROGRAM, ROOT, InAFolder, main
 
 
 # How options are called everywhere: what a description says -> the names that the option may have. A name that stands here
@@ -106,12 +88,6 @@ def examples_of(text):
     return found
 
 
-class InAFolder(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="volalign_cli_")
-        self.addCleanup(shutil.rmtree, self.folder)
-
-
 class WithoutEgl(InAFolder):
     def test_without_egl(self):
         libraries = subprocess.run(["/sbin/ldconfig", "-p"], stdout=subprocess.PIPE, text=True, check=True).stdout
@@ -122,24 +98,12 @@ class WithoutEgl(InAFolder):
             ("render --rig configs/rig_ring4.yaml --renderer auto -o capture", 0, "S4"),
             ("render --rig configs/rig_ring4.yaml --renderer egl -o x", 1, "install the Debian package libegl1"),
         ):
-            found, output = run(f"{shlex.join(hide + [PROGRAM])} {command}", self.folder)
+            found, output = self.run_line(f"{shlex.join(hide + [PROGRAM])} {command}")
             self.assertEqual(found, status, output)
             self.assertIn(part, output)
 
 
 class CommandLine(InAFolder):
-    def expect(self, arguments, status, *parts, **environment):
-        got, output = run("volalign " + arguments, self.folder, **environment)
-        self.assertEqual(got, status, output)
-        for part in parts:
-            self.assertIn(part, output)
-        return output
-
-    def expect_error(self, arguments, *parts):
-        """One line that begins with "error: ", and status 1."""
-        output = self.expect(arguments, 1, *parts)
-        self.assertRegex(output, r"\Aerror: .*\n\Z")
-
     def test_every_example_works_in_an_empty_folder(self):
         text = self.expect("config commands", 0)
         examples = examples_of(text)
@@ -153,25 +117,23 @@ class CommandLine(InAFolder):
                 if line in done:
                     continue
                 done.add(line)
-                status, output = run(line, self.folder)
+                status, output = self.run_line(line)
                 self.assertEqual(status, 0, f"{line}\n{output}")
                 self.expect_record(line, options_of(text)[next(key for key in examples if f"{line} ".startswith(f"volalign {key} "))])
-        with open(os.path.join(self.folder, "out/calibration/options.yaml"), encoding="utf-8") as file:
-            self.assertIn("refine:", file.read())
+        self.assertIn("refine:", self.read("out/calibration/options.yaml"))
         # What was used stands beside what came out, and serves again.
         self.assertIn("tripods:", self.expect("config show out/capture/rig.yaml", 0))
         self.assertIn("tripods:", self.expect("config show out/evaluation/rigs/ring4.yaml", 0))
         self.assertIn("refine:", self.expect("config show out/evaluation/options.yaml", 0))
         # Resolved configurations that have no file of their own.
         for file, key in (("plan.svg", '"rig":'), ("scores.json", '"recipe of models/m05-lite.safetensors":')):
-            with open(os.path.join(self.folder, "out", file + ".command.yaml"), encoding="utf-8") as record:
-                self.assertIn("\n" + key + "\n  ", record.read())
+            self.assertIn("\n" + key + "\n  ", self.read("out", file + ".command.yaml"))
         # Where LiveScan3D's points are has to be known.
         convert = "convert out/calibration/extrinsics.json -o livescan --to livescan3d_"
         self.expect(convert + "azure", 1, "--colour-camera S1=FILE.json")
         self.expect(convert + "azure --colour-camera S1", 1, "expected SENSOR=FILE.json")
         self.expect(convert + "kinect_v2", 0, "4 sensors")
-        self.assertEqual(len(os.listdir(os.path.join(self.folder, "livescan"))), 5)  # and command.yaml
+        self.assertEqual(len(os.listdir(self.path("livescan"))), 5)  # and command.yaml
         self.expect("convert livescan --from livescan3d_kinect_v2 --to csv -o back.csv", 0, "4 sensors")
         # What goes to the terminal leaves nothing.
         before = sorted(os.listdir(self.folder))
@@ -195,8 +157,7 @@ class CommandLine(InAFolder):
             return
         result = os.path.join(self.folder, output.group(1))
         record = result + "/command.yaml" if os.path.isdir(result) else result + ".command.yaml"
-        with open(record, encoding="utf-8") as file:
-            text = file.read()
+        text = self.read(record)
         self.assertIn(line.split("#")[0].strip()[len("volalign") :], text.split("\n")[1])
         for option in re.findall(r" (--[\w-]+)", line.split("#")[0]):
             self.assertIn(f"\n  {option[2:]}: ", text, line)
@@ -212,8 +173,7 @@ class CommandLine(InAFolder):
             self.assertTrue(lines[-1].startswith(f"  volalign {group} "), lines[-1])
 
     def test_the_page_of_keys_is_what_the_program_says(self):
-        with open(os.path.join(ROOT, "docs", "config.md"), encoding="utf-8") as file:
-            self.assertEqual(file.read(), self.expect("config reference", 0), "volalign config reference > docs/config.md")
+        self.assertEqual(self.read(ROOT, "docs", "config.md"), self.expect("config reference", 0), "volalign config reference > docs/config.md")
 
     def test_says_what_it_is(self):
         self.expect("--help", 0, "structure", "render", "train", "calibrate", "evaluate", "export", "config")
@@ -227,9 +187,9 @@ class CommandLine(InAFolder):
         train = "train --config configs/m05-lite.yaml -o run --set optim."
         self.expect_error(train + "lrr=1", "optim.lrr", "--set", "did you mean 'optim.lr'")
         self.expect_error(train + "lr=0", "optim.lr = 0 violates optim.lr > 0")
-        self.assertFalse(os.path.exists(os.path.join(self.folder, "run")))
+        self.assertFalse(os.path.exists(self.path("run")))
         self.expect_error("export --model no.pt -o n.ts", "no.pt")
-        self.assertFalse(os.path.exists(os.path.join(self.folder, "n.ts")))
+        self.assertFalse(os.path.exists(self.path("n.ts")))
         evaluate = "evaluate --model models/m05-lite.safetensors -o eval "
         rigs = evaluate + "--rigs configs/rig_ring8.yaml "
         self.expect_error(evaluate, "--rig ", "--capture ")
@@ -239,17 +199,14 @@ class CommandLine(InAFolder):
         self.expect_error(rigs + "--set-rig room_=1", "room_")
         self.expect_error(evaluate + "--captures none.json", "none.json")
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
-        os.makedirs(os.path.join(self.folder, "eval"), exist_ok=True)
-        with open(os.path.join(self.folder, "eval", "evaluation.json"), "w", encoding="utf-8") as file:
-            file.write('{"cases": []}')
+        os.makedirs(self.path("eval"), exist_ok=True)
+        self.write("eval/evaluation.json", '{"cases": []}')
         self.expect_error(evaluate + "--captures capture/capture.json", "evaluation.json", "folder")
 
     def test_poses_from_and_for_others(self):
-        with open(os.path.join(self.folder, "poses.txt"), "w", encoding="utf-8") as file:
-            file.write("# sensor 0 left\n0 1 2 3 0 0 0 1\n")
+        self.write("poses.txt", "# sensor 0 left\n0 1 2 3 0 0 0 1\n")
         self.expect("convert poses.txt --from tum --to poses -o poses.json", 0)
-        with open(os.path.join(self.folder, "poses.json"), encoding="utf-8") as file:
-            (sensor,) = json.load(file)["sensors"]
+        (sensor,) = self.json("poses.json")["sensors"]
         self.assertEqual((sensor["name"], sensor["structure_from_sensor"][1][3]), ("left", 2))
         self.expect("convert poses.json --from poses --to ros -o tf.yaml", 0, "written")
         self.expect_error("convert poses.txt --to tum -o x", "poses.txt")
@@ -260,46 +217,36 @@ class CommandLine(InAFolder):
         self.expect("calibrat --capture x", 1, "error: volalign has no sub-command calibrat; did you mean calibrate?")
         self.expect("structure biuld x", 1, "volalign structure has no sub-command biuld; did you mean build?")
         self.expect("--data-dir . rendr", 1, "did you mean render?")
-        output = self.expect("frobnicate", 1, "error: volalign has no sub-command frobnicate")
-        self.assertEqual(output.count("\n"), 1, output)
-        output = self.expect("calibrate --capture x -o y --modle z", 1, "volalign calibrate has no option --modle; did you mean --model?")
-        self.assertEqual(output.count("\n"), 1, output)
+        self.expect_error("frobnicate", "error: volalign has no sub-command frobnicate")
+        self.expect_error("calibrate --capture x -o y --modle z", "volalign calibrate has no option --modle; did you mean --model?")
 
     def test_data_from_any_folder(self):
         self.expect("structure show configs/structure.yaml", 0, "4 boxes")
         self.expect("structure show configs/none.yaml", 1, "none.yaml")
-        mine = os.path.join(self.folder, "mine", "configs")
-        os.makedirs(mine)
-        text = "name: mine\nboxes:\n  - {name: only, x: [0, 400], y: [0, 300], z: [0, 200]}\n"
-        with open(os.path.join(mine, "structure.yaml"), "w", encoding="utf-8") as file:
-            file.write(text)
+        self.write("mine/configs/structure.yaml", "name: mine\nboxes:\n  - {name: only, x: [0, 400], y: [0, 300], z: [0, 200]}\n")
         self.expect("structure show configs/structure.yaml --data-dir mine", 0, "mine: 1 box,")
         self.expect("structure show configs/structure.yaml", 0, "mine: 1 box,", VOLALIGN_DATA_DIR="mine")
         self.expect("structure show configs/structure.yaml --data-dir nowhere", 1, "--data-dir nowhere")
         # The working directory comes first.
-        os.rename(mine, os.path.join(self.folder, "configs"))
+        os.rename(self.path("mine/configs"), self.path("configs"))
         self.expect("structure show configs/structure.yaml", 0, "mine: 1 box,")
 
     def test_an_installed_program_finds_its_data(self):
-        os.makedirs(os.path.join(self.folder, "bin"))
-        share = os.path.join(self.folder, "share", "volalign")
+        os.makedirs(self.path("bin"))
+        share = self.path("share", "volalign")
         shutil.copytree(os.path.join(ROOT, "configs"), os.path.join(share, "configs"))
-        shutil.copy(PROGRAM, os.path.join(self.folder, "bin"))
-        done = subprocess.run(
-            [os.path.join(self.folder, "bin", "volalign"), "doctor"], cwd="/", stdout=subprocess.PIPE, text=True, check=False
-        )
-        self.assertIn(share, done.stdout)
-        self.assertEqual(done.returncode, 2, done.stdout)  # the model was not installed
-        self.assertIn("MISSING", done.stdout)
+        shutil.copy(PROGRAM, self.path("bin"))
+        status, output = self.run_line("cd / && ~-/bin/volalign doctor")
+        self.assertEqual(status, 2, output)  # the model was not installed
+        for part in (share, "MISSING"):
+            self.assertIn(part, output)
 
     def test_config_show(self):
         self.expect("config show configs/rig_ring8.yaml --set seed=3", 0, "seed: 3", "device_errors:")
         self.expect("config show configs/m05-lite.yaml", 0, "loss:")
-        with open(os.path.join(self.folder, "calibration.yaml"), "w", encoding="utf-8") as file:
-            file.write("refine: {threads: 2, max_side_points: 3000, min_overlap: 0.05}\nverdict: {lens: {min_bend_m: 0.008}}\n")
+        self.write("calibration.yaml", "refine: {threads: 2, max_side_points: 3000, min_overlap: 0.05}\nverdict: {lens: {min_bend_m: 0.008}}\n")
         self.expect("config show calibration.yaml", 0, "verdict:")
-        with open(os.path.join(self.folder, "empty.yaml"), "w", encoding="utf-8") as file:
-            file.write("{}\n")
+        self.write("empty.yaml", "{}\n")
         self.expect("config show empty.yaml", 1, "--as")
         self.expect("config show empty.yaml --as calibration", 0, "verdict:")
 
@@ -352,8 +299,7 @@ class CommandLine(InAFolder):
         self.expect(arguments + "plain --device tpu", 1, "error: device = 'tpu' is no device: use cpu, cuda or cuda:N")
         output = self.expect(arguments + "plain --device cpu", 0)
         self.assertNotIn("\r", output)
-        with open(os.path.join(self.folder, "plain", "options.yaml"), encoding="utf-8") as file:
-            self.assertIn("\nthreads: 1\n", file.read())
+        self.assertIn("\nthreads: 1\n", self.read("plain", "options.yaml"))
         output, seen = self.on_terminal(arguments + "seen")
         for stage in (b"first poses", b"all sensors together", b"writing poses"):
             self.assertIn(stage, seen)
@@ -388,21 +334,16 @@ class CommandLine(InAFolder):
             ("render --rig configs/rig_ring4.yaml -o again --force", 4, "structure_px"),
         ):
             for flag in ("--json", "--csv") if command.startswith("structure") else ("--json",):
-                done = subprocess.run(
-                    [PROGRAM] + shlex.split(command) + [flag], cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False
-                )
-                self.assertEqual(done.returncode, 0, done.stderr)
-                table = json.loads(done.stdout) if flag == "--json" else list(csv.DictReader(done.stdout.splitlines()))
+                output = self.expect(f"{command} {flag} 2> said", 0)
+                table = json.loads(output) if flag == "--json" else list(csv.DictReader(output.splitlines()))
                 self.assertIn(key, table[0], command)
                 if rows is not None:
                     self.assertEqual(len(table), rows, command)
                 if " -o " in command and not command.startswith("evaluate"):
-                    self.assertIn("written: ", done.stderr)
+                    self.assertIn("written: ", self.read("said"))
         # The numbers are those of the file.
-        with open(os.path.join(self.folder, "out", "extrinsics.json"), encoding="utf-8") as file:
-            sensors = json.load(file)["sensors"]
-        status, output = run("volalign calibrate --capture capture/capture.json -o out --json 2>/dev/null", self.folder)
-        for row in json.loads(output):
+        sensors = self.json("out", "extrinsics.json")["sensors"]
+        for row in json.loads(self.expect("calibrate --capture capture/capture.json -o out --json 2>/dev/null", 0)):
             self.assertEqual(row["error_m"], sensors[row["sensor"]]["error"]["translation_m"])
         self.expect("plan configs/rig_ring4.yaml --json --csv", 1, "--json")
         self.expect("evaluate --suite all --json -o suite", 1, "--json", "--suite")
@@ -417,10 +358,8 @@ class CommandLine(InAFolder):
         self.assertEqual(output.splitlines()[0], "model: none, poses come from the structure's shape")
         self.assertNotIn("  network  ", output)
         # The same labels, but other boxes.
-        with open(os.path.join(ROOT, "configs", "structure.yaml"), encoding="utf-8") as file:
-            other = re.sub(r"x: \[(-?[\d.]+), ", lambda m: f"x: [{float(m.group(1)) - 7}, ", file.read(), count=1)
-        with open(os.path.join(self.folder, "other.yaml"), "w", encoding="utf-8") as file:
-            file.write(other.replace("name: paper_stack", "name: other"))
+        other = re.sub(r"x: \[(-?[\d.]+), ", lambda m: f"x: [{float(m.group(1)) - 7}, ", self.read(ROOT, "configs", "structure.yaml"), count=1)
+        self.write("other.yaml", other.replace("name: paper_stack", "name: other"))
         output = self.expect(calibrate + "--structure other.yaml", 0)
         self.assertEqual(
             output.splitlines()[0], "model: none, poses come from the structure's shape (the shipped model does not know other)"
@@ -432,25 +371,22 @@ class CommandLine(InAFolder):
         bare = calibrate.replace("capture/capture.json", "bare.json")
         self.expect(bare, 0, "with the structure that it knows, since neither the capture nor --structure names one")
         self.expect(bare + "--model none", 1, "--model none needs a structure", "--structure")
-        os.makedirs(os.path.join(self.folder, "data", "configs"))
-        shutil.copy(os.path.join(ROOT, "configs", "structure.yaml"), os.path.join(self.folder, "data", "configs"))
+        os.makedirs(self.path("data", "configs"))
+        shutil.copy(os.path.join(ROOT, "configs", "structure.yaml"), self.path("data", "configs"))
         self.expect(calibrate + "--data-dir data", 0, "model: none, poses come from the structure's shape (models/m05-lite.safetensors is not there)")
 
     def test_what_goes_wrong_is_said_in_a_line(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 1, "capture has a capture already", "--force")
         self.expect("render --rig configs/rig_ring4.yaml -o capture --force", 0)
-        with open(os.path.join(self.folder, "capture", "capture.json"), encoding="utf-8") as file:
-            good = json.load(file)
+        good = self.json("capture", "capture.json")
 
         def fails(change, *parts):
             capture = json.loads(json.dumps(good))
             change(capture)
-            with open(os.path.join(self.folder, "capture", "bad.json"), "w", encoding="utf-8") as file:
-                json.dump(capture, file)
-            output = self.expect("calibrate --capture capture/bad.json -o out", 1, "error: ", *parts)
-            self.assertEqual(output.count("\n"), 1, output)
-            self.assertFalse(os.path.exists(os.path.join(self.folder, "out", "extrinsics.json")))
+            self.write("capture/bad.json", json.dumps(capture))
+            self.expect_error("calibrate --capture capture/bad.json -o out", "error: ", *parts)
+            self.assertFalse(os.path.exists(self.path("out", "extrinsics.json")))
 
         fails(lambda c: c["sensors"][1].update(depth="contact_sheet.png"), 'sensor "S2"', "is it the colour picture?")
 
@@ -460,25 +396,21 @@ class CommandLine(InAFolder):
         fails(rename, 'sensor "S1"', '"intrinsic" is unknown; did you mean "intrinsics"?')
         orbbec = [16.1704, 8.44953, 0.324469, 16.4805, 13.9441, 1.99604, 5.9e-05, -1.5e-05]
         fails(lambda c: c["sensors"][1]["intrinsics"].update(distortion=orbbec), "bad.json", 'sensor "S2"', "k1 k2 p1 p2 k3")
-        with open(os.path.join(self.folder, "capture", "all.json"), "w", encoding="utf-8") as file:
-            json.dump({**good, "depth_scale": 1}, file)
+        self.write("capture/all.json", json.dumps({**good, "depth_scale": 1}))
         self.expect("calibrate --capture capture/all.json -o all", 2, "(wrong_units)", "(depth_scale)", "set depth_scale to 0.001; it is 1")
         good["sensors"][2]["depth_scale"] = 1
-        with open(os.path.join(self.folder, "capture", "one.json"), "w", encoding="utf-8") as file:
-            json.dump(good, file)
+        self.write("capture/one.json", json.dumps(good))
         self.expect("calibrate --capture capture/one.json -o out", 2, "S3 failed (wrong_units)", "set depth_scale to 0.001; it is 1")
         for name in ("capture/S1_depth.png", "capture/capture.json"):
             self.expect(f"calibrate --capture capture/capture.json --model {name} -o x", 1, f"{name} is not a volalign checkpoint (.safetensors)")
         self.expect("init capture -o draft.json --sensor femto_bolt", 1, "femto_bolt is no kind of sensor", "orbbec_femto", "oak_d")
         self.expect("render --rig configs/rig_ring4.yaml -o x --set sensors[0].sensor=femto_bolt", 1, "femto_bolt", "orbbec_femto_bolt_nfov_binned")
-        with open(os.path.join(self.folder, "metres.yaml"), "w", encoding="utf-8") as file:
-            file.write("boxes:\n  - {name: b, x: [0, 0.5], y: [0, 0.5], z: [0, 0.5]}\n")
+        self.write("metres.yaml", "boxes:\n  - {name: b, x: [0, 0.5], y: [0, 0.5], z: [0, 0.5]}\n")
         self.expect("structure show metres.yaml", 1, "box 'b' is 0.5 x 0.5 x 0.5 mm", "sizes are written in millimetres")
 
     def test_what_no_stack_can_be(self):
         def write(*boxes):
-            with open(os.path.join(self.folder, "s.yaml"), "w", encoding="utf-8") as file:
-                file.write("boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n" + "".join(f"  - {{name: {box}}}\n" for box in boxes))
+            self.write("s.yaml", "boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n" + "".join(f"  - {{name: {box}}}\n" for box in boxes))
 
         write("b, x: [0, 500], y: [420, 700], z: [0, 300]")
         self.expect("structure show s.yaml", 0, "warning: s: box 'b' stands on nothing: its lower side is 20 mm above box 'a'")
@@ -494,35 +426,29 @@ class CommandLine(InAFolder):
 
     def test_bytes_that_are_not_utf8(self):
         for command in (r"train -o $'n\xff'", r"calibrate --capture $'\xff.json' -o x", r"calibrate --capture c.json -o x --note $'\xff'"):
-            output = self.expect(command, 1, r"\xff", "is not UTF-8", "rename")
-            self.assertEqual(output.count("\n"), 1, output)
-        os.mkdir(os.path.join(self.folder, "f"))
+            self.expect_error(command, r"\xff", "is not UTF-8", "rename")
+        os.mkdir(self.path("f"))
         with open(os.path.join(os.fsencode(self.folder), b"f", b"K\xfcche_depth.png"), "wb") as file:
             file.write(b"")
         self.expect("init f", 1, r'the file "f/K\xfcche_depth.png" is not UTF-8', "rename")
 
     def test_a_full_standard_output(self):
         for command in ("structure show configs/structure.yaml", "--help", "--version", "config show configs/m05-lite.yaml"):
-            output = self.expect(command + " > /dev/full", 1, "error: cannot write ")
-            self.assertEqual(output.count("\n"), 1, output)
+            self.expect_error(command + " > /dev/full", "error: cannot write ")
 
     def test_where_an_argument_belongs(self):
         self.expect("calibrate real", 1, 'takes no argument "real" by itself: did you mean --capture real?')
-        os.mkdir(os.path.join(self.folder, "real"))
+        os.mkdir(self.path("real"))
         self.expect("calibrate real -o x", 1, "did you mean --capture real/capture.json? `volalign init real` writes that file")
 
     def test_texts_of_any_length(self):
-        with open(os.path.join(self.folder, "big.json"), "w", encoding="utf-8") as file:
-            intrinsics = {"width": 4, "height": 4, "fx": 1, "fy": 1, "cx": 1, "cy": 1}
-            json.dump({"format": "volalign.capture/1", "sensors": [{"name": "a", "depth": "docs/" + 500000 * "a", "intrinsics": intrinsics}]}, file)
-        with open(os.path.join(self.folder, "big.yaml"), "w", encoding="utf-8") as file:
-            file.write("inherits: " + 500000 * "a")
+        sensor = {"name": "a", "depth": "docs/" + 500000 * "a", "intrinsics": {"width": 4, "height": 4, "fx": 1, "fy": 1, "cx": 1, "cy": 1}}
+        self.write("big.json", json.dumps({"format": "volalign.capture/1", "sensors": [sensor]}))
+        self.write("big.yaml", "inherits: " + 500000 * "a")
         for command in ("calibrate --capture big.json -o x", "config show big.yaml"):
             output = self.expect(command, 1, "error: ", "aaa...: File name too long")
             self.assertLess(len(output), 1000)
-        blanks = os.path.join(self.folder, "blanks")
-        with open(blanks, "w", encoding="utf-8") as file:
-            file.write(100000 * " ")
+        self.write("blanks", 100000 * " ")
         self.expect('structure suggest -o x.yaml "$(cat blanks)"', 1, "error: cannot read the boxes")
 
     def test_egl_errors_name_their_cause(self):
@@ -536,21 +462,19 @@ class CommandLine(InAFolder):
             self.expect(render, 1, part, f"the environment has {variable}: try without", "--renderer cpu", **{name: value})
 
     def test_a_copied_program_says_where_its_data_may_be(self):
-        copy = os.path.join(self.folder, "volalign")
-        shutil.copy(PROGRAM, copy)
+        shutil.copy(PROGRAM, self.path("copy"))
         for arguments in ("structure show configs/structure.yaml", "render --rig configs/rig_ring4.yaml -o x"):
-            done = subprocess.run([copy] + arguments.split(), cwd=self.folder, stderr=subprocess.PIPE, text=True, check=False)
-            self.assertEqual(done.returncode, 1)
+            status, output = self.run_line("./copy " + arguments)
+            self.assertEqual(status, 1, output)
             for part in ("--data-dir FOLDER", "VOLALIGN_DATA_DIR"):
-                self.assertIn(part, done.stderr)
-        done = subprocess.run([copy, "structure", "show", "none.yaml"], cwd=self.folder, stderr=subprocess.PIPE, text=True, check=False)
-        self.assertNotIn("--data-dir", done.stderr)
+                self.assertIn(part, output)
+        self.assertNotIn("--data-dir", self.run_line("./copy structure show none.yaml")[1])
 
     def test_pages_are_named_where_they_are(self):
         page = os.path.join(ROOT, "docs", "formats.md")
         self.expect("calibrate --capture none.json -o x", 1, page)
         self.expect("--help", 0, os.path.join(ROOT, "docs", "index.md"))
-        installed = os.path.join(self.folder, "usr")
+        installed = self.path("usr")
         for folder, name in (("share/volalign/configs", "configs/structure.yaml"), ("share/doc/volalign/docs", "docs/formats.md")):
             os.makedirs(os.path.join(installed, folder))
             shutil.copy(os.path.join(ROOT, name), os.path.join(installed, folder))
@@ -569,17 +493,14 @@ class CommandLine(InAFolder):
 
     def test_init(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
-        with open(os.path.join(self.folder, "capture", "capture.json"), encoding="utf-8") as file:
-            capture = json.load(file)
+        capture = self.json("capture", "capture.json")
         self.expect("init capture", 1, "capture.json is there already", "--force")
         self.expect("init capture -o draft.json", 2, "S1: depth_scale", "m at 0.001")
         self.expect("init capture -o draft.json --depth-scale 0.001", 0, "S1: intrinsics of S1_intrinsics.json", "(4 sensors)")
-        with open(os.path.join(self.folder, "draft.json"), "a", encoding="utf-8") as file:
-            file.write(" ")
+        self.write("draft.json", self.read("draft.json") + " ")
         self.expect("init capture -o draft.json --depth-scale 0.001", 1, "draft.json is there already, and is not as", "--force")
         self.expect("init capture -o draft.json --force --depth-scale 0.001", 0)
-        with open(os.path.join(self.folder, "draft.json"), encoding="utf-8") as file:
-            draft = json.load(file)
+        draft = self.json("draft.json")
         self.assertEqual(len(draft["sensors"]), len(capture["sensors"]))
         for made, known in zip(draft["sensors"], capture["sensors"]):
             self.assertEqual(made["name"], known["name"])
@@ -588,6 +509,4 @@ class CommandLine(InAFolder):
 
 
 if __name__ == "__main__":
-    if not PROGRAM:
-        sys.exit(__doc__)
-    unittest.main()
+    main(__doc__)

@@ -12,50 +12,23 @@ import math
 import os
 import re
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
 import unittest
-import zlib
 
 import numpy
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-PROGRAM = os.path.abspath(sys.argv.pop(1)) if len(sys.argv) > 1 else ""
+from program import PROGRAM, ROOT
+
+from grey_png import read_png
+
 RIG = os.path.join(ROOT, "configs", "rig_ring8.yaml")  # the quick start's
 
 
 def read_json(*path):
     with open(os.path.join(*path), encoding="utf-8") as file:
         return json.load(file)
-
-
-def read_png(path):
-    """A 16-bit grey PNG (W3C's PNG specification, sections 5 and 9) as an array [H,W]."""
-    with open(path, "rb") as file:
-        content = file.read()
-    at, data = 8, b""
-    while at < len(content):
-        (length,), kind = struct.unpack(">I", content[at : at + 4]), content[at + 4 : at + 8]
-        body = content[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, bits, colour = struct.unpack(">IIBB", body[:10])
-            assert (bits, colour) == (16, 0), path
-        data += body if kind == b"IDAT" else b""
-        at += 12 + length
-    data = zlib.decompress(data)
-    stride, above, rows = 2 * width, bytearray(2 * width), []
-    for v in range(height):
-        start = v * (stride + 1)
-        kind, row = data[start], bytearray(data[start + 1 : start + 1 + stride])
-        for i in range(stride):
-            a, b, c = row[i - 2] if i > 1 else 0, above[i], above[i - 2] if i > 1 else 0
-            nearest = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
-            row[i] = (row[i] + (0, a, b, (a + b) // 2, nearest)[kind]) & 255
-        rows.append(bytes(row))
-        above = row
-    return numpy.frombuffer(b"".join(rows), ">u2").reshape(height, width)
 
 
 def pose_difference(a, b):
@@ -138,7 +111,7 @@ class Deployment(unittest.TestCase):
 
         errors = []
         for sensor in capture["sensors"]:
-            depth = read_png(os.path.join(os.path.dirname(self.capture()), sensor["depth"]))
+            depth = numpy.array(read_png(os.path.join(os.path.dirname(self.capture()), sensor["depth"])))
             pose, labels = run_page(depth, sensor["intrinsics"], 0)
             errors.append(pose_difference(pose, capture["ground_truth"][sensor["name"]]))
         print("the page's poses: " + ", ".join(f"{100 * moved:.1f} cm {turned:.1f} deg" for moved, turned in sorted(errors)))

@@ -14,20 +14,13 @@ import math
 import os
 import re
 import resource
-import shutil
 import struct
-import subprocess
-import sys
-import tempfile
 import textwrap
 import time
-import unittest
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-sys.path.insert(0, os.path.join(ROOT, "tests"))
-from grey_png import read_png  # noqa: E402
+from program import PROGRAM, ROOT, InAFolder, main
 
-PROGRAM = os.path.abspath(sys.argv.pop(1)) if len(sys.argv) > 1 else ""
+from grey_png import read_png
 
 CUT = "--set run.samples=32 run.validation_samples=8 optim.warmup_samples=16 run.batch_size=8"
 SHORTER = [
@@ -127,34 +120,18 @@ def write_orbbec_bag(path, depth_png, intrinsics_json):
         file.write(b"#ROSBAG V2.0\n" + record([("op", b"\x03"), ("index_pos", bytes(8))], b"") + chunk)
 
 
-class Tutorials(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="volalign_tutorial_")
-        self.addCleanup(shutil.rmtree, self.folder)
-
+class Tutorials(InAFolder):
     def run_command(self, command):
         cut = CUT if command.startswith("volalign train ") and "run.samples=320" not in command else ""
         begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(
-            ["bash", "-c", f'volalign() {{ "{PROGRAM}" "$@" {cut}; }}; {command}'],
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        got, output = self.run_line(f'volalign() {{ "{PROGRAM}" "$@" {cut}; }}; {command}')
         used = resource.getrusage(resource.RUSAGE_CHILDREN)
         processor = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
         print(f"{time.monotonic() - begin:6.1f} s, {processor:5.1f} s of processor  {command}", flush=True)
-        status, said = FAILS.get(command, (0, "")) if done.returncode else (0, "")
-        self.assertEqual(done.returncode, status, f"{command}\n{done.stdout}")
-        self.assertIn(said, done.stdout)
-        return done.stdout
-
-    def write(self, name, text):
-        os.makedirs(os.path.dirname(os.path.join(self.folder, name)), exist_ok=True)
-        with open(os.path.join(self.folder, name), "w", encoding="utf-8") as file:
-            file.write(text)
+        status, said = FAILS.get(command, (0, "")) if got else (0, "")
+        self.assertEqual(got, status, f"{command}\n{output}")
+        self.assertIn(said, output)
+        return output
 
     def run_page(self, name, folder=""):
         """All that the page has one do, with `folder` in the place of FOLDER; says what each command printed."""
@@ -175,12 +152,8 @@ class Tutorials(unittest.TestCase):
     def files_of(self, name):
         return {step[1]: step[2] for step in steps_of(page(name)) if step[0] == "write"}
 
-    def extrinsics(self, folder):
-        with open(os.path.join(self.folder, folder, "extrinsics.json"), encoding="utf-8") as file:
-            return json.load(file)
-
     def expect_ok(self, folder, count):
-        sensors = self.extrinsics(folder)["sensors"]
+        sensors = self.json(folder, "extrinsics.json")["sensors"]
         self.assertEqual(len(sensors), count)
         for name, sensor in sensors.items():
             self.assertEqual(sensor["status"], "ok", (folder, name, sensor))
@@ -188,7 +161,7 @@ class Tutorials(unittest.TestCase):
 
     def expect_files(self, *names):
         for name in names:
-            self.assertTrue(os.path.exists(os.path.join(self.folder, name)), name)
+            self.assertTrue(os.path.exists(self.path(name)), name)
 
     def test_every_command_is_run_or_is_named(self):
         for name in all_pages():
@@ -285,6 +258,4 @@ class Tutorials(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    if not PROGRAM:
-        sys.exit(__doc__)
-    unittest.main()
+    main(__doc__)
