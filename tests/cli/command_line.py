@@ -315,6 +315,7 @@ class CommandLine(InAFolder):
             output, seen = self.on_terminal(command)
             self.assertRegex(seen, part, command)
             self.assertNotIn("\r", output)
+        self.assertTrue(os.path.exists(self.path("samples/contact_sheet.png")))
 
     def test_tables_are_for_programs_too(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)

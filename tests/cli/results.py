@@ -19,6 +19,7 @@ from program import ROOT, TWO_SENSORS, InAFolder, main
 
 from grey_png import read_png, write_png
 
+os.environ.setdefault("SOURCE_DATE_EPOCH", "1764000000")  # files that are compared have one date
 MODEL = "--model models/m05-lite.safetensors "
 # Three times the error without noise that was measured (0.26 mm, and 0.008 deg). Half a pixel is 4 mm at 2 m.
 EXACT_M, EXACT_DEG = 0.0007, 0.035
@@ -26,6 +27,12 @@ EXACT_M, EXACT_DEG = 0.0007, 0.035
 
 def positions(pose):
     return [row[3] for row in pose[:3]]
+
+
+def without_times(value):
+    if isinstance(value, dict):
+        return {k: without_times(v) for k, v in value.items() if k not in ("timings_s", "seconds", "created", "time_s", "calibrate_s")}
+    return [without_times(v) for v in value] if isinstance(value, list) else value
 
 
 class WithACapture(InAFolder):
@@ -140,7 +147,7 @@ class Results(WithACapture):
             self.assertLess(sensor["error"]["refined"]["rotation_deg"], 0.11, sensor)
         again = self.expect(command, 0, "[5/5]")
         self.assertEqual(again.count("(done before)"), 5, again)
-        self.assertEqual(self.json("eval/evaluation.json")["cases"], evaluation["cases"])
+        self.assertEqual(self.json("eval/evaluation.json"), evaluation)
 
     def test_a_suite_says_which_models_it_has_not(self):
         methods = ("datasets: [{name: none}]\ntables: [{name: one, rows: [{label: a, method: a}]}]\n"
@@ -171,15 +178,6 @@ class Results(WithACapture):
     def test_plan_names_a_sensor_that_sees_nothing(self):
         self.write("blind.yaml", "sensors: [{name: D, rho_cm: 200, look_at_cm: [900, 0, 0]}]\n")
         self.expect("plan blind.yaml --trials 1", 2, "D: it sees no side of the stack")
-
-    def test_renders_samples_that_can_be_looked_at(self):
-        command = "render --config configs/m05-lite.yaml --index 998 -o samples "
-        self.expect(command + "--count 3", 0)
-        for name in ("contact_sheet.png", "000000/00000999_depth.png", "000001/00001000_labels.png"):
-            self.assertGreaterEqual(int.from_bytes(self.read("samples", name, mode="rb")[16:20], "big"), 160, name)
-        self.expect(command + "--count 5 --threads 3", 0, "2 samples after 3")
-        self.assertEqual(self.json("samples/index.json")["count"], 5)
-        self.expect(command + "--count 5 --seed 2", 1, "seed = 2 (dataset: 1)")
 
     def test_trains_on_a_dataset_without_a_renderer(self):
         """A node that has no EGL driver at all trains and validates on folders."""
@@ -368,7 +366,10 @@ class Stopped(WithACapture):
         """What is found beside unfinished files is all of `whole`, or nothing that says that it is there: in a folder the file `last` does."""
         left = self.files(name)
         if left and (not last or self.path(name, last) in left):
-            self.assertTrue(left == whole, sorted(left))
+            self.assertEqual(sorted(left), sorted(whole))
+            for path, data in left.items():
+                same = data == whole[path] or (path.endswith(".json") and without_times(json.loads(data)) == without_times(json.loads(whole[path])))
+                self.assertTrue(same, path)
         return left
 
     def test_what_is_killed_leaves_a_whole_result_or_none(self):
@@ -393,18 +394,12 @@ class Stopped(WithACapture):
         self.assertGreater(nothing_of_all, 0)
 
     def test_an_evaluation_that_is_killed_goes_on(self):
-        def scores(value):
-            """Without what differs between runs."""
-            if isinstance(value, dict):
-                return {k: scores(v) for k, v in value.items() if k not in ("timings_s", "seconds", "created", "time_s", "calibrate_s")}
-            return [scores(v) for v in value] if isinstance(value, list) else value
-
         command = f"evaluate {MODEL} --rig rig.yaml --seeds 5:7 -o "
         seconds = self.seconds(command + "whole")
         for _ in range(max(1, self.KILLS // 3)):
             self.stop_within(seconds, command + "killed", signal.SIGKILL)
         self.seconds(command + "killed")
-        killed, whole = (scores(self.json(name, "evaluation.json"))["cases"] for name in ("killed", "whole"))
+        killed, whole = (without_times(self.json(name, "evaluation.json"))["cases"] for name in ("killed", "whole"))
         self.assertEqual(killed, whole)
         self.assertEqual(self.files("killed", unfinished=True), {})
 

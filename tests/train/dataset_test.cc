@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <set>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -16,6 +15,7 @@
 #include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/train/synthetic_source.h"
 #include "train/dataset_source.h"
 #include "train/trainer.h"
 
@@ -60,18 +60,6 @@ TrainOptions Options(const fs::path& run_dir) {
   return options;
 }
 
-/// Rows without what depends on the clock.
-std::vector<json> Rows(const fs::path& run_dir) {
-  std::vector<json> rows;
-  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
-  for (std::string line; std::getline(text, line);) {
-    rows.push_back(json::parse(line));
-    rows.back().erase("samples_per_s");
-    rows.back().erase("step_s");
-  }
-  return rows;
-}
-
 void ExpectSameRows(const std::vector<json>& a, const std::vector<json>& b) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << "row " << i;
@@ -86,12 +74,12 @@ TEST(TrainOnADataset, GivesTheLossesOfTheRenderedStream) {
   config.run.dataset = folder / "train";
   config.run.loader_threads = 3;
   Train(config, Options(folder / "read"));
-  const std::vector<json> rendered = Rows(folder / "rendered");
+  const std::vector<json> rendered = MetricsRows(folder / "rendered");
   ASSERT_EQ(rendered.size(), 13u);  // 12 steps, 1 validation
-  ExpectSameRows(rendered, Rows(folder / "read"));
+  ExpectSameRows(rendered, MetricsRows(folder / "read"));
   config.run.validation_dataset = folder / "valid";
   Train(config, Options(folder / "both"));
-  ExpectSameRows(rendered, Rows(folder / "both"));
+  ExpectSameRows(rendered, MetricsRows(folder / "both"));
 }
 
 TEST(TrainOnADataset, ResumesInALaterEpoch) {
@@ -110,7 +98,7 @@ TEST(TrainOnADataset, ResumesInALaterEpoch) {
   options.stop_at_samples = 0;
   options.resume = true;
   EXPECT_TRUE(Train(config, options).finished);
-  ExpectSameRows(Rows(folder / "whole"), Rows(folder / "parts"));
+  ExpectSameRows(MetricsRows(folder / "whole"), MetricsRows(folder / "parts"));
 
   options.stop_at_samples = 6;
   options.resume = false;

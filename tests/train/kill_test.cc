@@ -9,9 +9,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <random>
-#include <sstream>
 #include <string>
 #include <system_error>
 #include <thread>
@@ -80,19 +78,6 @@ bool IsWriting(const fs::path& folder) {
   return false;
 }
 
-/// Rows without the times, which differ.
-std::string Metrics(const fs::path& run_dir) {
-  std::string all;
-  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
-  for (std::string line; std::getline(text, line);) {
-    nlohmann::json row = nlohmann::json::parse(line);
-    row.erase("step_s");
-    row.erase("samples_per_s");
-    all += row.dump() + "\n";
-  }
-  return all;
-}
-
 /// Kills once, at a moment within `span` from the start, or, with `while_writing`, at one when a
 /// state or checkpoint is being written. False: the run ended before that.
 bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool while_writing) {
@@ -156,7 +141,7 @@ TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
       EXPECT_TRUE(ReadFile(run_dir / file) == ReadFile(folder / "whole" / file))
           << file << " of run " << runs << " after " << done << " kills";
     }
-    EXPECT_EQ(Metrics(run_dir), Metrics(folder / "whole"));
+    EXPECT_EQ(MetricsRows(run_dir), MetricsRows(folder / "whole"));
     EXPECT_FALSE(IsWriting(run_dir) || IsWriting(run_dir / "states"));
   }
   EXPECT_GT(in_files, 0) << "no kill fell into the writing of a file";

@@ -113,8 +113,11 @@ TEST(TrainingLoss, AddsRegisteredTerms) {
   config.procrustes = false;
   config.terms = {"background"};
   config.term_weights = {0.25};
-  EXPECT_THROW(TrainingLoss(config, data.structure, at::kCPU), ConfigError);
-  RegisterLossTerm("background", [](const Structure&, const at::Device&) {
+  ExpectError<ConfigError>([&] { TrainingLoss(config, data.structure, at::kCPU); },
+                           {"loss.terms", "'background'"});
+  RegisterLossTerm("background", [](const Structure& of, const at::Device& device) {
+    EXPECT_EQ(of.num_classes(), 21);
+    EXPECT_EQ(device, at::Device(at::kCPU));
     return std::make_unique<BackgroundTerm>();
   });
   EXPECT_THROW(RegisterLossTerm("background", nullptr), Error);

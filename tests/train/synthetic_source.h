@@ -2,7 +2,12 @@
 
 #include <cmath>
 #include <cstdint>
+#include <filesystem>
+#include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -11,6 +16,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
+#include "tests/core/base/read_file.h"
 #include "train/batch.h"
 #include "train/training_data.h"
 
@@ -80,6 +86,45 @@ inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period
   data.open_training = [=](std::int64_t first_sample) { return open(1, first_sample); };
   data.open_validation = [=] { return open(1000001, 0); };
   return data;
+}
+
+/// The source that `open` makes, of which `change` gets each batch and its number, from 1.
+template <class... Arguments>
+auto WatchedSource(std::function<std::unique_ptr<SampleSource>(Arguments...)> open,
+                   std::function<void(std::vector<Sample>* batch, int number)> change) {
+  struct Source : SampleSource {
+    std::vector<Sample> Next() override {
+      std::vector<Sample> batch = inner->Next();
+      change(&batch, ++calls);
+      return batch;
+    }
+    std::unique_ptr<SampleSource> inner;
+    std::function<void(std::vector<Sample>*, int)> change;
+    int calls = 0;
+  };
+  return [open = std::move(open), change = std::move(change)](Arguments... arguments) {
+    auto source = std::make_unique<Source>();
+    source->inner = open(arguments...);
+    source->change = change;
+    return source;
+  };
+}
+
+/// Rows of metrics.jsonl: those of a type, or all without what depends on the clock.
+inline std::vector<nlohmann::json> MetricsRows(const std::filesystem::path& run_dir,
+                                               const std::string& type = "") {
+  std::vector<nlohmann::json> rows;
+  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
+  for (std::string line; std::getline(text, line);) {
+    nlohmann::json row = nlohmann::json::parse(line);
+    if (!type.empty() && row.at("type") != type) continue;
+    if (type.empty()) {
+      row.erase("step_s");
+      row.erase("samples_per_s");
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
 }
 
 }  // namespace volalign

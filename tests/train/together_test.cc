@@ -11,9 +11,7 @@
 #include <csignal>
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -68,41 +66,16 @@ void TrainHere(const World& world, const TrainConfig& config, const fs::path& ru
   const BatchSlice slice = world.size > 1 ? SliceOf(5, world) : BatchSlice();
   TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
   if (at_sample) {
-    data.open_training = [open = data.open_training, at_sample](std::int64_t first) {
-      struct Watched : SampleSource {
-        std::vector<Sample> Next() override {
-          call(position);
-          position += 5;
-          return source->Next();
-        }
-        std::unique_ptr<SampleSource> source;
-        std::function<void(std::int64_t)> call;
-        std::int64_t position = 0;
-      };
-      auto watched = std::make_unique<Watched>();
-      watched->source = open(first);
-      watched->call = at_sample;
-      watched->position = first;
-      return watched;
-    };
+    data.open_training = WatchedSource(
+        data.open_training,
+        [at_sample](std::vector<Sample>*, int number) { at_sample(5 * (number - 1)); });
   }
   TrainOn(data, config, options);
 }
 
-std::vector<nlohmann::json> Rows(const fs::path& run_dir) {
-  std::vector<nlohmann::json> rows;
-  std::istringstream text(ReadFile(run_dir / "metrics.jsonl"));
-  for (std::string line; std::getline(text, line);) {
-    rows.push_back(nlohmann::json::parse(line));
-    rows.back().erase("step_s");
-    rows.back().erase("samples_per_s");
-  }
-  return rows;
-}
-
 /// With `losses_alone`, other numbers may differ.
 void ExpectSameRows(const fs::path& a, const fs::path& b, bool losses_alone = false) {
-  const std::vector<nlohmann::json> expected = Rows(a), found = Rows(b);
+  const std::vector<nlohmann::json> expected = MetricsRows(a), found = MetricsRows(b);
   ASSERT_EQ(found.size(), expected.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
     ASSERT_EQ(found[i].size(), expected[i].size()) << found[i] << expected[i];

@@ -5,13 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/nn/cpu/torch_threads.h"
-#include "render/dataset.h"
-#include "render/egl/renderers.h"
 #include "render/sample.h"
-#include "tests/core/base/expect_error.h"
-#include "tests/core/base/temp_folder.h"
 
 namespace volalign::training_data_test {
 namespace {
@@ -60,27 +55,6 @@ TEST(OpenTrainingData, SamplesDependOnSeedAndNumberAlone) {
   const TrainingData other = OpenTrainingData(config);
   EXPECT_FALSE(other.open_validation()->Next()[0].depth == held_out[0].depth);
   EXPECT_FALSE(other.open_training(0)->Next()[0].depth == first[0].depth);
-}
-
-TEST(OpenTrainingData, RefusesAValidationOfSamplesInTheTrainingSet) {
-  TrainConfig config = SmallRecipe();
-  const TempFolder folder;
-  config.run.dataset = (folder / "none").string();
-  EXPECT_THROW(OpenTrainingData(config), Error);
-  config.run.dataset = (folder / "set").string();
-  DatasetOptions options;
-  options.seed = 5;
-  options.count = 4;
-  options.make_renderer = ChooseRenderers(config.data.renderer).make;
-  WriteDataset(config.run.dataset,
-               std::make_shared<const SampleContext>(MakeSampleContext(config.data, 2)), options);
-  config.run.validation_seed = 5;
-  ExpectError<ConfigError>([&] { OpenTrainingData(config); },
-                           {"seed 5", "training 0 to 3", "validation 0 to 3"});
-  config.run.validation_seed = 6;
-  const TrainingData data = OpenTrainingData(config);
-  EXPECT_NE(data.identity, "");  // a run goes on with the same set alone
-  EXPECT_EQ(data.open_training(2)->Next()[1].index, 3u);
 }
 
 }  // namespace

@@ -101,9 +101,5 @@ TEST(BestValidation, DoesNotGoByThePosesOfFewSamples) {
   EXPECT_EQ(best.samples, 20);
 }
 
-TEST(MedianPoseError, IsADashWhereNoSampleHasAPose) {
-  EXPECT_EQ(MedianPoseError(ValidationResult()), "-");
-}
-
 }  // namespace
 }  // namespace volalign::metrics_test

@@ -44,11 +44,5 @@ TEST(RunFolder, BeginsAfterAStateWithoutWhatCameLaterOrWasNotFinished) {
   EXPECT_TRUE(fs::exists(run.dir() / "own.tmp-1"));  // nothing that a run writes
 }
 
-TEST(RunFolder, IsFreeOnceTheOtherHasGone) {
-  const TempFolder folder;
-  { const RunFolder run(folder.path()); }
-  EXPECT_NO_THROW(RunFolder(folder.path()));
-}
-
 }  // namespace
 }  // namespace volalign::run_folder_test

