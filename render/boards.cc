@@ -61,9 +61,9 @@ void AppendBoard(const Structure& structure, const RayTable& rays,
   if (window.sides.empty()) return;
   double left = window.sides.front() - kMargin, right = window.sides.back() + kMargin;
   double top = window.heights.back() + kMargin;
-  if (edge == BoardEdge::kLeft) right = NearestQuantile(window.sides, share);
-  if (edge == BoardEdge::kRight) left = NearestQuantile(window.sides, 1 - share);
-  if (edge == BoardEdge::kBelow) top = NearestQuantile(window.heights, share);
+  if (edge == BoardEdge::kLeft) right = Quantile(window.sides, share);
+  if (edge == BoardEdge::kRight) left = Quantile(window.sides, 1 - share);
+  if (edge == BoardEdge::kBelow) top = Quantile(window.heights, share);
   if (!(top > 0)) return;
   Pose pose = Pose::Identity();
   pose.linear().col(0) = window.right;

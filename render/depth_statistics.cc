@@ -199,7 +199,7 @@ int Bin(const std::array<double, N>& edges, double x) {
 
 /// -1 of nothing.
 double QuantileOrNone(std::vector<double> values, double q) {
-  return values.empty() ? -1 : NearestQuantile(std::move(values), q);
+  return values.empty() ? -1 : Quantile(std::move(values), q);
 }
 
 /// RMS residual of a region's pixels, and of its 7x7 means, to the plane fitted to them.
@@ -420,7 +420,7 @@ double DepthStatistics::LocalCorrelation(std::size_t distance, std::size_t incid
   for (const Window& w : windows_[distance][incidence]) {
     if (w.rms_mm <= quartile) values.push_back(w.correlation);
   }
-  return values.empty() ? 0 : NearestQuantile(std::move(values), 0.5);
+  return values.empty() ? 0 : Quantile(std::move(values), 0.5);
 }
 
 double DepthStatistics::PlaneResidual(std::size_t distance, bool smooth) const {

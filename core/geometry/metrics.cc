@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/parallel_for.h"
+#include "core/base/statistics.h"
 #include "core/geometry/kd_tree.h"
 
 namespace volalign {
@@ -73,7 +74,7 @@ SetDistances CompareSets(const std::vector<Eigen::Vector3d>& a,
   return distances;
 }
 
-Summary Summarise(std::vector<double> values) {
+Summary Summarise(const std::vector<double>& values) {
   Summary summary;
   if (values.empty()) return summary;
   const auto n = static_cast<double>(values.size());
@@ -82,15 +83,8 @@ Summary Summarise(std::vector<double> values) {
   for (const double v : values) variance += (v - summary.mean) * (v - summary.mean) / n;
   summary.std = std::sqrt(variance);
   summary.rsd = summary.mean == 0 ? 0 : summary.std / summary.mean;
-  std::sort(values.begin(), values.end());
-  const auto quantile = [&](double q) {
-    const double at = q * (n - 1);
-    const auto low = static_cast<std::size_t>(at);
-    const std::size_t high = std::min(low + 1, values.size() - 1);
-    return values[low] + (at - static_cast<double>(low)) * (values[high] - values[low]);
-  };
-  summary.median = quantile(0.5);
-  summary.p95 = quantile(0.95);
+  summary.median = Quantile(values, 0.5);
+  summary.p95 = Quantile(values, 0.95);
   return summary;
 }
 

@@ -34,10 +34,10 @@ SetDistances CompareSets(const std::vector<Eigen::Vector3d>& a,
                          const std::vector<Eigen::Vector3d>& b, int threads = 1);
 
 /// Mean, standard deviation (population), relative standard deviation, as the paper's tables give
-/// them.
+/// them; median and 95th percentile (core/base/statistics.h).
 struct Summary {
   double mean = 0, std = 0, rsd = 0, median = 0, p95 = 0;
 };
-Summary Summarise(std::vector<double> values);
+Summary Summarise(const std::vector<double>& values);
 
 }  // namespace volalign

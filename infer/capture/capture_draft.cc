@@ -287,7 +287,7 @@ class Drafter {
     std::vector<float> measured;
     std::copy_if(depth.values.begin(), depth.values.end(), std::back_inserter(measured),
                  [](float value) { return value > 0; });
-    sensor->median = static_cast<double>(Median(measured));
+    sensor->median = static_cast<double>(Quantile(measured, 0.5));
   }
 
   std::string UniqueName(const std::string& wanted) {

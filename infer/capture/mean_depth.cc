@@ -34,7 +34,7 @@ MeanDepth::Pixel MeanDepth::Begin(const std::vector<float>& values, double step)
   std::vector<double> deviations;
   deviations.reserve(values.size());
   for (const float value : values) deviations.push_back(std::abs(value - middle));
-  const double spread = std::max(kLeastSpread * step, NearestQuantile(deviations, kWithin));
+  const double spread = std::max(kLeastSpread * step, Quantile(deviations, kWithin));
   // How far two values of one surface may be apart.
   const double jump = DepthJump(scale_ * middle) / scale_;
   pixel.middle = static_cast<float>(middle);

@@ -26,7 +26,8 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
   for (std::size_t label = 1; label < classes; ++label) {
     auto& [x, y, z] = coordinates[label];
     if (x.size() * 320 * 180 <= view.depth.size() * 200) continue;
-    source.emplace_back(Median(std::move(x)), Median(std::move(y)), Median(std::move(z)));
+    source.emplace_back(Quantile(std::move(x), 0.5), Quantile(std::move(y), 0.5),
+                        Quantile(std::move(z), 0.5));
     target.push_back(structure.Keypoint(static_cast<int>(label), KeypointKind::kExposed));
   }
   InitialPose result;

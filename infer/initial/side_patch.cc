@@ -121,7 +121,7 @@ std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& points, const std::
     std::vector<double> values(near.size());
     for (std::size_t i = 0; i < near.size(); ++i)
       values[i] = points[static_cast<std::size_t>(near[i])][axis];
-    median[axis] = Median(std::move(values));
+    median[axis] = Quantile(std::move(values), 0.5);
   }
   const auto far = [&](int i) {
     return (points[static_cast<std::size_t>(i)] - median).norm() > limits.diagonal;

@@ -127,7 +127,7 @@ Table TargetTable(const TargetQuality& quality) {
     }
     table.rows.push_back({height, Share(fixed, weakest.size()), Share(unique, weakest.size()),
                           Share(without_floor, weakest.size()), CellOf(least), CellOf(most),
-                          Median(weakest), Quantile(weakest, 1)});
+                          Quantile(weakest, 0.5), Quantile(weakest, 1)});
   }
   return table;
 }

@@ -45,11 +45,11 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   distances.reserve(points.size());
   for (const SidePoint* point : points)
     distances.push_back(side.normal.dot(sensor.InStructure(point->p) - side.centre));
-  const double middle = Median(distances);
+  const double middle = Quantile(distances, 0.5);
   std::vector<double> deviations;
   deviations.reserve(distances.size());
   for (const double d : distances) deviations.push_back(std::abs(d - middle));
-  const double spread = kMadToSigma * Median(deviations) + kDepthStep;
+  const double spread = kMadToSigma * Quantile(deviations, 0.5) + kDepthStep;
   FaceObservation face;
   face.label = label;
   face.p.setZero();
@@ -103,7 +103,7 @@ EdgeObservation EdgeOf(int label, int edge_index, int axis,
 /// Robust standard deviation of a part of `sizes`.
 double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count) {
   return kMadToSigma *
-         Median(std::vector<double>(sizes.data() + first, sizes.data() + first + count));
+         Quantile(std::vector<double>(sizes.data() + first, sizes.data() + first + count), 0.5);
 }
 
 /// What one unit of each residual is worth: 1 m of a face, 1 px of a silhouette.

@@ -85,7 +85,7 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
     return end.variance / static_cast<double>(end.cells.size());
   };
   pair.cells = (end_a.variance + end_b.variance) / (of_mean(end_a) + of_mean(end_b));
-  pair.excess = std::max(1.0, kMadToSigma * Median(std::move(sizes)));
+  pair.excess = std::max(1.0, kMadToSigma * Quantile(std::move(sizes), 0.5));
   return pair;
 }
 

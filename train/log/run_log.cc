@@ -76,7 +76,7 @@ std::optional<double> LoggedRun::Last(const std::string& metric) const {
 std::optional<double> LoggedRun::SamplesPerSecond() const {
   const auto curve = curves.find("train/samples_per_s");
   if (curve == curves.end()) return std::nullopt;
-  return Median(curve->second.values);
+  return Quantile(curve->second.values, 0.5);
 }
 
 LoggedRun ReadRun(const fs::path& dir) {
