@@ -54,15 +54,6 @@ void JsonReader::OneOrList(const std::string& key, std::vector<std::string>& tex
   }
 }
 
-void JsonReader::Choice(const std::string& key, bool& flag, const std::string& when_true,
-                        const std::string& when_false) {
-  const std::string text = object_.Text(key);
-  flag = text == when_true;
-  if (!flag && text != when_false) {
-    json_internal::FailNotOneOf(text, {when_true, when_false}, object_.Place(key));
-  }
-}
-
 void JsonWriter::OneOrList(const std::string& key, const std::vector<std::string>& texts) {
   if (texts.size() == 1) json_[key] = texts.front();
   if (texts.size() > 1) json_[key] = texts;

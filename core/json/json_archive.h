@@ -49,12 +49,10 @@ namespace volalign {
 ///   ar.Later(key, value)        always written; where an earlier version's file lacks it, it stays
 ///                               as it was
 ///   ar.IfFinite(key, value)     numbers (double, Eigen, Pose) that may be unknown: NaN in memory,
-///   an
-///                               absent key in a file; a third argument is read in place of NaN
+///                               an absent key in a file; a third argument is read in place of NaN
 ///   ar.Constant(key, text)      the same text in every file; any other is an error
 ///   ar.Derived(key, value)      written for the file's other readers, not read
 ///   ar.OneOrList(key, texts)    absent, a string or a list
-///   ar.Choice(key, flag, a, b)  the text a for true, b for false
 ///   ar.ByName(key, items, &Item::name)   an object of the items by their names
 ///   Archive::kReading, ar.where()
 class JsonReader;
@@ -251,8 +249,6 @@ class JsonReader {
     object_.Has(key);
   }
   void OneOrList(const std::string& key, std::vector<std::string>& texts);
-  void Choice(const std::string& key, bool& flag, const std::string& when_true,
-              const std::string& when_false);
   template <class T, class Named>
   void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) {
     const JsonObject object = object_.Child(key);
@@ -308,10 +304,6 @@ class JsonWriter {
     (*this)(key, value);
   }
   void OneOrList(const std::string& key, const std::vector<std::string>& texts);
-  void Choice(const std::string& key, bool flag, const std::string& when_true,
-              const std::string& when_false) {
-    json_[key] = flag ? when_true : when_false;
-  }
   template <class T, class Named>
   void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) {
     nlohmann::ordered_json& object = json_[key] = nlohmann::ordered_json::object();

@@ -29,90 +29,50 @@ std::vector<T> ReadList(const Json& list, const std::string& place) {
   return items;
 }
 
-/// Throws, out of the parser, for a document beyond the limits.
-class Bounds {
- public:
-  explicit Bounds(const std::string& name) : name_(name) {}
-
-  void Check(int depth, Json::parse_event_t event) {
-    if (event == Json::parse_event_t::key || event == Json::parse_event_t::object_end ||
-        event == Json::parse_event_t::array_end)
-      return;
-    const bool opens = event != Json::parse_event_t::value;
-    if (opens && depth >= kMaxJsonDepth) {
-      throw DataError(fmt::format("{}: nested deeper than the {} levels that are read of JSON",
-                                  name_, kMaxJsonDepth));
-    }
-    if (++values_ > kMaxJsonValues) {
-      throw DataError(
-          fmt::format("{}: more than the {} values that are read of JSON", name_, kMaxJsonValues));
-    }
-  }
-
- private:
-  const std::string& name_;
-  std::size_t values_ = 0;
-};
-
-/// What nlohmann's parser makes of a text, and DataError of what it throws.
-template <class Check>
-Json Parse(const std::string& text, const std::string& name, const Check& check) {
-  try {
-    return Json::parse(text, check);
-  } catch (const Json::exception& error) {
-    const std::string what = error.what();
-    const std::size_t id = what.find("] ");
-    throw DataError(fmt::format("{}: not valid JSON: {}", name,
-                                Shortened(id == std::string::npos ? what : what.substr(id + 2))));
-  }
-}
-
 }  // namespace
 
 std::string ShownJson(const Json& value) {
   return Shortened(value.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
-Json ParseBoundedJson(const std::string& text, const std::string& name) {
-  Bounds bounds(name);
-  return Parse(text, name, [&](int depth, Json::parse_event_t event, Json&) {
-    bounds.Check(depth, event);
-    return true;
-  });
-}
-
 Json ParseStrictJson(const std::string& text, const std::string& name) {
+  using Event = Json::parse_event_t;
   std::vector<std::set<std::string>> open;
+  std::size_t values = 0;
   std::string problem;
-  Bounds bounds(name);
-  const auto check = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    bounds.Check(depth, event);
-    switch (event) {
-      case Json::parse_event_t::object_start:
-        open.emplace_back();
-        break;
-      case Json::parse_event_t::object_end:
-        open.pop_back();
-        break;
-      case Json::parse_event_t::key: {
-        const auto key = parsed.get<std::string>();
-        if (!open.back().insert(key).second && problem.empty()) {
-          problem =
-              fmt::format("the key \"{}\" stands twice in one object; remove one", Shortened(key));
-        }
-        break;
+  const auto check = [&](int depth, Event event, Json& parsed) {
+    if (event == Event::key) {
+      const auto key = parsed.get<std::string>();
+      if (!open.back().insert(key).second && problem.empty()) {
+        problem =
+            fmt::format("the key \"{}\" stands twice in one object; remove one", Shortened(key));
       }
-      case Json::parse_event_t::value:
-        if (parsed.is_null() && problem.empty()) {
-          problem = "a value is null; leave the key out instead";
-        }
-        break;
-      default:
-        break;
+      return true;
     }
+    if (event == Event::object_end) open.pop_back();
+    if (event == Event::object_end || event == Event::array_end) return true;
+    if (event != Event::value && depth >= kMaxJsonDepth) {
+      throw DataError(fmt::format("{}: nested deeper than the {} levels that are read of JSON",
+                                  name, kMaxJsonDepth));
+    }
+    if (++values > kMaxJsonValues) {
+      throw DataError(
+          fmt::format("{}: more than the {} values that are read of JSON", name, kMaxJsonValues));
+    }
+    if (event == Event::object_start) open.emplace_back();
+    if (event == Event::value && parsed.is_null() && problem.empty())
+      problem = "a value is null; leave the key out instead";
     return true;
   };
-  Json document = Parse(text, name, check);
+  Json document;
+  try {
+    document = Json::parse(text, check);
+  } catch (const Json::exception& error) {
+    const std::string what = error.what();
+    const std::size_t id = what.find("] ");
+    throw DataError(fmt::format("{}: not valid JSON: {}", name,
+                                Shortened(id == std::string::npos ? what : what.substr(id + 2))));
+  }
   if (!problem.empty()) throw DataError(name + ": " + problem);
   return document;
 }

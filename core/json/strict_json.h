@@ -21,10 +21,6 @@ inline constexpr std::size_t kMaxJsonValues = 4'000'000;
 /// document that is nested deeper than kMaxJsonDepth or has more than kMaxJsonValues values.
 nlohmann::json ParseStrictJson(const std::string& text, const std::string& name);
 
-/// The same within these limits, but with nulls and with the last of several equal keys: for files
-/// of other programs.
-nlohmann::json ParseBoundedJson(const std::string& text, const std::string& name);
-
 /// A value for a message: as JSON, and Shortened.
 std::string ShownJson(const nlohmann::json& value);
 

@@ -185,15 +185,6 @@ Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem
   return ParseIntrinsics(object.Child("intrinsics"));
 }
 
-/// Whether the intrinsics are said to be of the kind of device only.
-bool ParseTypical(const JsonObject& object) {
-  if (!object.Has("typical_intrinsics")) return false;
-  const Json& given = object.Get("typical_intrinsics");
-  if (!given.is_boolean())
-    throw DataError(object.Place("typical_intrinsics") + ": true or false is expected");
-  return given.get<bool>();
-}
-
 std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   if (!object.Has("colour")) return std::nullopt;
   const JsonObject given = object.Child("colour");
@@ -239,7 +230,9 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   }
   const Image<float>& first = source.frames.front().values;
   frame.intrinsics = ParseSensorIntrinsics(object, folder, source, {first.width(), first.height()});
-  frame.typical_intrinsics = ParseTypical(object);
+  if (object.Has("typical_intrinsics"))
+    ReadJsonValue(object.Get("typical_intrinsics"), object.Place("typical_intrinsics"),
+                  &frame.typical_intrinsics);
   frame.quarter_turns = ParseTurns(object);
   frame.sensor = object.Has("sensor") ? ParsePlainText(object, "sensor") : source.kind;
   frame.serial = object.Has("serial") ? ParsePlainText(object, "serial") : source.serial;
