@@ -59,7 +59,7 @@ DatasetResult WriteDataset(const std::filesystem::path& dir,
                            const DatasetOptions& options);
 
 /// The keys of a header's data section and of `context` that differ, one line for each key, e.g.
-/// "data.noise.model = sensor (dataset: paper)"; empty when both draw the same samples. Paths are
+/// "data.noise.models = sensor (dataset: paper)"; empty when both draw the same samples. Paths are
 /// not compared, what they name is; nor are renderers. A key that the dataset does not know had its
 /// default's effect.
 std::vector<std::string> DifferencesFrom(const DatasetHeader& header, const SampleContext& context);

@@ -103,24 +103,22 @@ void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
                          view->labels.data());
 }
 
-NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
-                     std::uint64_t index, DeviceErrors* device) {
-  RandomStream random(seed, index, "noise");
-  DeviceErrors drawn;
-  if (!device) device = &drawn;
-  if (config.model == "none") return {input.view.depth, input.view.labels};
-  if (config.model == "paper") return PaperNoise(config, input, random);
-  if (const auto own = Registered().find(config.model); own != Registered().end()) {
+namespace {
+
+NoisyView ApplyModel(const std::string& name, const NoiseConfig& config, const NoiseInput& input,
+                     RandomStream& random, DeviceErrors* device) {
+  if (name == "none") return {input.view.depth, input.view.labels};
+  if (name == "paper") return PaperNoise(config, input, random);
+  if (const auto own = Registered().find(name); own != Registered().end())
     return own->second(input, random);
-  }
   const ModelledKind* kind = KindOf(input.sensor);
   if (kind == nullptr) {
     throw ConfigError(
-        fmt::format("noise.model = {}: no model for sensor {}, but for {}; use paper or none",
-                    config.model, input.sensor, SensorModelNames()));
+        fmt::format("noise.models = {}: no model for sensor {}, but for {}; use paper or none",
+                    name, input.sensor, SensorModelNames()));
   }
   const SensorModel model = kind->model(input.intrinsics);
-  if (config.model == "physics") {
+  if (name == "physics") {
     if (!device->seed)
       device->seed = static_cast<std::uint64_t>(random.NextU32()) << 32 | random.NextU32();
     if (const auto* tof = std::get_if<TofModel>(&model))
@@ -130,6 +128,29 @@ NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::ui
   if (const auto* tof = std::get_if<TofModel>(&model))
     return TofNoise(*tof, input, random, &device->tof);
   return StereoNoise(std::get<StereoModel>(model), input, random, &device->stereo);
+}
+
+}  // namespace
+
+NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
+                     std::uint64_t index, DeviceErrors* device) {
+  RandomStream random(seed, index, "noise");
+  DeviceErrors drawn;
+  if (!device) device = &drawn;
+  NoisyView seen{input.view.depth, input.view.labels};
+  RenderedView view = input.view;
+  for (const std::string& model : config.models) {
+    for (std::size_t i = 0; i < view.faces.size(); ++i) {
+      if (seen.depth[i] == 0) view.faces[i] = 0;
+    }
+    view.depth = std::move(seen.depth);
+    view.labels = std::move(seen.labels);
+    const NoiseInput left{
+        view,        input.mesh, input.structure, input.intrinsics, input.structure_from_sensor,
+        input.sensor};
+    seen = ApplyModel(model, config, left, random, device);
+  }
+  return seen;
 }
 
 }  // namespace volalign

@@ -15,8 +15,8 @@
 
 namespace volalign {
 
-/// What a noise model may look at: the clean view and the scene that it shows. `structure` is the
-/// one that was drawn.
+/// What a noise model may look at: the scene, and the clean view of it or, behind other models,
+/// what these left of that. `structure` is the one that was drawn.
 struct NoiseInput {
   const RenderedView& view;
   const SceneMesh& mesh;
@@ -51,10 +51,10 @@ struct StereoDevice {
 struct DeviceErrors {
   std::optional<TofDevice> tof;
   std::optional<StereoDevice> stereo;
-  std::optional<std::uint64_t> seed;  ///< of noise.model "physics"
+  std::optional<std::uint64_t> seed;  ///< of the noise model "physics"
 };
 
-/// Whether this value of noise.model wants sensors that have a model.
+/// Whether this value of noise.models wants sensors that have a model.
 bool WantsSensorModel(const std::string& model);
 /// Whether a sensor model exists for a pool name.
 bool HasSensorModel(const std::string& sensor);
@@ -65,10 +65,11 @@ std::string SensorModelNames();
 /// draws, called by several threads at once: a training sample depends on nothing else.
 using NoiseModel = std::function<NoisyView(const NoiseInput&, RandomStream&)>;
 
-/// Makes `name` a value of noise.model. To be called at the start of a program, before other
+/// Makes `name` a value of noise.models. To be called at the start of a program, before other
 /// threads run. Throws Error where there is such a model.
 void RegisterNoiseModel(const std::string& name, NoiseModel model);
 
+/// Applies config.models in order; pixels that one has left without depth show no face to the next.
 /// Random stage "noise". `device`: where it has errors, they take the place of those that the frame
 /// would draw; where it is empty, it receives the ones that the frame has drawn. Throws ConfigError
 /// for the models "sensor" and "physics" and a sensor that is none of SensorModelNames.

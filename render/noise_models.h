@@ -107,7 +107,7 @@ struct StereoModel {
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random,
                       std::optional<StereoDevice>* device);
 
-// noise.model "physics" (docs/sensor-models.md): what a sensor does with light, from which its
+// The noise model "physics" (docs/sensor-models.md): what a sensor does with light, from which its
 // errors follow, instead of errors. `device_seed`: of what a device does alike in all of its
 // frames.
 

@@ -206,7 +206,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   }
 
   NoiseConfig noise;
-  noise.model = rig.noise;
+  noise.models = {rig.noise};
   std::int64_t frames = 0;
   const auto frames_of_all = static_cast<std::int64_t>(rig.sensors.size() * stills.size());
   if (count) count(frames, frames_of_all);

@@ -118,12 +118,16 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
       context.pool.push_back(entry);
     }
   }
-  if (WantsSensorModel(config.noise.model)) {
+  for (const std::string& model : config.noise.models) {
+    if (model == "physics" && &model != &config.noise.models.front()) {
+      throw ConfigError(
+          "data.noise.models: physics measures the scene itself; name it first in the list");
+    }
     for (const IntrinsicsPoolEntry& entry : context.pool) {
-      if (!HasSensorModel(entry.sensor)) {
+      if (WantsSensorModel(model) && !HasSensorModel(entry.sensor)) {
         throw ConfigError(fmt::format(
-            "data.noise.model = {}: no model for sensor {}, but for {}; use paper or none",
-            config.noise.model, entry.sensor, SensorModelNames()));
+            "data.noise.models = {}: no model for sensor {}, but for {}; use paper or none", model,
+            entry.sensor, SensorModelNames()));
       }
     }
   }

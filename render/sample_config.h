@@ -9,7 +9,7 @@
 
 namespace volalign {
 
-/// Values of noise.model: "none", "paper", "sensor", then those of RegisterNoiseModel
+/// Values of noise.models: "none", "paper", "sensor", then those of RegisterNoiseModel
 /// (render/noise.h).
 std::vector<std::string> NoiseModelNames();
 
@@ -59,17 +59,19 @@ struct SampleSceneConfig : SceneConfig {
 
 /// How the depth map is spoilt.
 struct NoiseConfig {
-  std::string model = "sensor";
+  std::vector<std::string> models{"sensor"};
   double paper_border_px = 2;
   double paper_hole_count = 6;  ///< mean number in a sample, at most 90; no key
   double paper_hole_radius_px = 6;
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("model", model,
-       "none, paper (zeroed borders and holes), sensor (models of the drawn sensor), physics (a "
-       "simulation of its light, for tests), or one that your program registers (render/noise.h)",
-       OneOf(NoiseModelNames()));
+    ar("models", models,
+       "applied in this order, each to the depths that the one before it left: none, paper (zeroed "
+       "borders and holes), sensor (models of the drawn sensor), physics (a simulation of its "
+       "light, for tests; it has to be first), or ones that your program registers "
+       "(render/noise.h)",
+       OneOf(NoiseModelNames()), FormerlyNamed("model"));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0),
        Removed("paper_hole_count", "a sample has six holes in the mean; leave the key out",

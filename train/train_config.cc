@@ -35,6 +35,10 @@ void TrainConfig::Validate() const {
         "loss.term_weights has {} numbers and loss.terms {} names: give one weight for each",
         loss.term_weights.size(), loss.terms.size()));
   }
+  for (const std::string& name : loss.terms) {
+    if (std::count(loss.terms.begin(), loss.terms.end(), name) > 1)
+      throw ConfigError(fmt::format("loss.terms has '{}' twice: give it once", name));
+  }
   if (run.micro_batch > run.batch_size) {
     throw ConfigError(
         fmt::format("run.micro_batch = {} violates run.micro_batch <= run.batch_size = {}",

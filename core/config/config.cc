@@ -391,10 +391,10 @@ const ConfigSource::Leaf* ConfigReader::Find(const std::string& key, bool sequen
     }
     return nullptr;
   }
-  if (found->second.is_sequence != sequence) {
-    throw ConfigError(fmt::format("{} wants {} ({})", key,
-                                  sequence ? "a list, as in [1, 2]" : "a single value, not a list",
-                                  found->second.where));
+  // A single value where a list is wanted is a list of one.
+  if (found->second.is_sequence && !sequence) {
+    throw ConfigError(
+        fmt::format("{} wants a single value, not a list ({})", key, found->second.where));
   }
   return &found->second;
 }

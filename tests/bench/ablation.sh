@@ -31,8 +31,8 @@ run() {
   touch "$out/$name/done"
 }
 
-run paper-noise data.noise.model=paper "${bare[@]}" "${exact[@]}"
-run rooms data.noise.model=paper "${exact[@]}"
+run paper-noise data.noise.models=paper "${bare[@]}" "${exact[@]}"
+run rooms data.noise.models=paper "${exact[@]}"
 run sensors "${exact[@]}"
 run full
 run no-attention model.attention=false

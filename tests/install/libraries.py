@@ -94,9 +94,11 @@ class Libraries(unittest.TestCase):
 
         run(f"train --config {source}/recipe.yaml -o run --set run.samples=32")
         recipe = text_of(os.path.join(empty, "run", "config.yaml"))
-        for word in ('kind: "dilated"', 'model: "quadratic"', 'terms: ["dice"]'):
+        for word in ('kind: "dilated"', 'models: ["paper", "quadratic"]', 'terms: ["dice"]'):
             self.assertIn(word, recipe)
         run(f"train --config {source}/recipe.yaml -o run --resume")
+        for row in text_of(os.path.join(empty, "run", "metrics.jsonl")).splitlines():
+            self.assertGreater(json.loads(row)["loss_dice"], 0)
         self.assertIn("64", run("validate --model run/model.safetensors --samples 8"))
         run("render --rig configs/rig_ring4.yaml -o capture")
         # So short a training need not place every sensor.

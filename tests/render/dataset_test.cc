@@ -105,7 +105,7 @@ TEST(Dataset, ReadsTheSamplesThatWereDrawn) {
 TEST(Dataset, DepthIsKeptToHalfAMillimetre) {
   const TempFolder folder;
   SampleConfig config = SmallConfig();
-  config.noise.model = "none";
+  config.noise.models = {"none"};
   WriteDataset(folder.path(), Context(config), Options(2));
   const EglContext egl;
   GlDepthRenderer renderer;
@@ -214,9 +214,9 @@ TEST(Dataset, RefusesToMixSamples) {
   WriteDataset(folder.path(), Context(), Options(3));
   const auto before = Files(folder.path());
   SampleConfig config = SmallConfig();
-  config.noise.model = "paper";
+  config.noise.models = {"paper"};
   ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(config), Options(5)); },
-                           {folder.path().string(), "data.noise.model = paper (dataset: sensor)"});
+                           {folder.path().string(), "data.noise.models = paper (dataset: sensor)"});
   DatasetOptions options = Options(5);
   options.seed = 4;
   ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(), options); },

@@ -63,7 +63,7 @@ class GoldenTest : public testing::Test {
       SampleConfig config;
       config.sensors = {c.sensor};
       config.image_sizes = {c.image_size};
-      config.noise.model = c.noise;
+      config.noise.models = {c.noise};
       samples_.push_back(Synthesize(MakeSampleContext(config, 16), renderer, kSeed, c.index));
     }
     if (std::getenv("VOLALIGN_WRITE_GOLDEN")) {

@@ -302,7 +302,7 @@ TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
   EXPECT_NEAR(errors.middle, 0.0071, 0.003);
   // Light that bounces off the box has farther to go, too.
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   const CornerErrors bounced = MeasureCorner(physics, 6, structure_, renderer_);
   EXPECT_GT(bounced.middle, 0.001);
   EXPECT_LT(bounced.middle, 0.012);
@@ -310,12 +310,12 @@ TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
   EXPECT_LT(bounced.near, bounced.middle);
 }
 
-// noise.model "physics", of time of flight. A wall is straight for it, but for the device's
+// The noise model "physics", of time of flight. A wall is straight for it, but for the device's
 // harmonics.
 TEST_F(NoiseTest, PhysicsOfTimeOfFlightHasTheWhiteNoiseOfRealFrames) {
   const Intrinsics k = CentredCamera(320, 288, 252);
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   for (const double z : {1.0, 2.0, 3.0}) {
     const WallScene scene = MakeWall(z, 0, k);
     const Residual r = Measure(Spoil(scene, k, kAzure, 1, physics).depth, z, false);
@@ -332,7 +332,7 @@ TEST_F(NoiseTest, PhysicsOfTimeOfFlightHasTheWhiteNoiseOfRealFrames) {
 TEST_F(NoiseTest, PhysicsOfTimeOfFlightMixesSurfacesAtEdges) {
   const Intrinsics k = CentredCamera(320, 288, 252);
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   int lost = 0, off = 0, rows = 0;
   for (const double wall : {2.2, 2.6, 3.0, 3.4, 3.8}) {
     const WallScene scene = MakeWall(wall, 1.77, k);
@@ -359,7 +359,7 @@ TEST_F(NoiseTest, PhysicsOfTimeOfFlightMixesSurfacesAtEdges) {
 TEST_F(NoiseTest, PhysicsOfADeviceStaysFromFrameToFrame) {
   const Intrinsics k = CentredCamera(160, 144, 126), d415 = CentredCamera(160, 90, 118);
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   for (const bool stereo : {false, true}) {
     const Intrinsics& camera = stereo ? d415 : k;
     const WallScene scene = MakeWall(2.0, 0, camera);
@@ -386,11 +386,11 @@ TEST_F(NoiseTest, PhysicsOfADeviceStaysFromFrameToFrame) {
   }
 }
 
-// noise.model "physics", of stereo: what block matching makes of two pictures.
+// The noise model "physics", of stereo: what block matching makes of two pictures.
 TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
   const Intrinsics k = CentredCamera(320, 180, 236);
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   for (const double z : {1.5, 3.0}) {
     const WallScene scene = MakeWall(z, 0, k);
     double rms = 0;
@@ -427,7 +427,7 @@ TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
 TEST_F(NoiseTest, PhysicsOfStereoMovesNothingAside) {
   const Intrinsics k = CentredCamera(160, 90, 118);
   NoiseConfig physics;
-  physics.model = "physics";
+  physics.models = {"physics"};
   for (const bool rows : {true, false}) {
     // A ridge 2 m away, whose slopes fall off steeply to both sides. What a device adds to the
     // depth of both moves them in opposite directions.
@@ -477,7 +477,7 @@ TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
   config.sensors = {};
   config.image_sizes = {"160x144", "160x90", "160x120"};
   for (const char* model : {"sensor", "paper"}) {
-    config.noise.model = model;
+    config.noise.models = {model};
     const SampleContext context = MakeSampleContext(config, 1);
     for (std::uint64_t i = 0; i < 24; ++i) {
       const Sample sample = Synthesize(context, renderer_, 31, i);
@@ -527,7 +527,7 @@ TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
   const Intrinsics k = CentredCamera(160, 90, 118);
   const WallScene scene = MakeWall(4.0, 1.6, k);
   NoiseConfig config;
-  config.model = "paper";
+  config.models = {"paper"};
   config.paper_border_px = 4;
   config.paper_hole_count = 0;
   long cleared = 0;
@@ -627,7 +627,7 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
   const Intrinsics k = CentredCamera(64, 64, 50);
   const WallScene scene = MakeWall(2.0, 0, k);
   NoiseConfig config;
-  config.model = "offset";
+  config.models = {"offset"};
   const auto offset_of = [&](std::uint64_t index) {
     return Spoil(scene, k, "lidar", index, config).depth(32, 32) - scene.view.depth(32, 32);
   };
@@ -635,6 +635,16 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
   EXPECT_NE(offset_of(3), offset_of(4));
   EXPECT_GE(offset_of(3), 0.0999);
   EXPECT_LE(offset_of(3), 0.2001);
+  // Several are applied in order: one sees what the one before it left.
+  const DepthImage once = Spoil(scene, k, "lidar", 3, config).depth;
+  config.models = {"offset", "none", "offset"};
+  EXPECT_GE(Spoil(scene, k, "lidar", 3, config).depth(32, 32) - once(32, 32), 0.0999);
+  config.models = {"paper", "offset"};
+  EXPECT_GE(Spoil(scene, k, "lidar", 3, config).depth(32, 32) - scene.view.depth(32, 32), 0.0999);
+  config.models = {"sensor", "sensor"};
+  EXPECT_FALSE(Spoil(scene, k, kAzure, 3, config).depth == Spoil(scene, k, kAzure, 3).depth);
+  config.models = {};
+  EXPECT_TRUE(Spoil(scene, k, "lidar", 3, config).depth == scene.view.depth);
 }
 
 /// Whole frames, from the same clean depth.
@@ -648,7 +658,7 @@ TEST(Noise, IsTheSameByEveryInstructionSet) {
     SampleConfig config;
     config.sensors = {c.sensor};
     config.image_sizes = {c.size};
-    config.noise.model = c.model;
+    config.noise.models = {c.model};
     const SampleContext context = MakeSampleContext(config, 16);
     TileRenderer renderer;
     for (std::uint64_t index = 0; index < 3; ++index) {

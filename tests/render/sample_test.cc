@@ -71,9 +71,9 @@ TEST_F(SampleTest, IsAPureFunctionWhateverTheOrderAndThread) {
 TEST_F(SampleTest, SwitchingNoiseOffLeavesEverythingElse) {
   SampleConfig config = SmallConfig();
   const SampleContext sensor = MakeSampleContext(config, 4);
-  config.noise.model = "none";
+  config.noise.models = {"none"};
   const SampleContext none = MakeSampleContext(config, 4);
-  config.noise.model = "paper";
+  config.noise.models = {"paper"};
   const SampleContext paper = MakeSampleContext(config, 4);
   for (std::uint64_t i = 0; i < 6; ++i) {
     const Sample a = Synthesize(sensor, renderer_, 2, i);
@@ -89,6 +89,8 @@ TEST_F(SampleTest, SwitchingNoiseOffLeavesEverythingElse) {
     EXPECT_TRUE(b.labels == b.labels_clean);
     EXPECT_FALSE(a.depth == a.depth_clean);
   }
+  config.noise.models = {"paper", "physics"};
+  ExpectError<ConfigError>([&] { MakeSampleContext(config, 4); }, {"physics", "first"});
 }
 
 TEST_F(SampleTest, SwitchingClutterOffLeavesPoseAndAssembly) {

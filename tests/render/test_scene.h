@@ -16,7 +16,7 @@ inline SampleConfig BareConfig() {
   config.scene.distractor_probability = 0;
   config.scene.occluder_probability = 0;
   config.assembly = {0, 0, 0};
-  config.noise.model = "none";
+  config.noise.models = {"none"};
   return config;
 }
 

@@ -201,8 +201,8 @@ TEST(TrainOnADataset, SaysWhatDoesNotFit) {
   config.run.dataset = folder / "train";
 
   TrainConfig bad = config;
-  bad.data.noise.model = "paper";
-  expect(bad, {config.run.dataset, "data.noise.model = paper (dataset: sensor)"});
+  bad.data.noise.models = {"paper"};
+  expect(bad, {config.run.dataset, "data.noise.models = paper (dataset: sensor)"});
   bad = config;
   folder.Write(
       "other.yaml",

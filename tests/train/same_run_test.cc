@@ -65,7 +65,7 @@ TEST(RequireSameRun, NamesWhatWouldMakeItAnotherRun) {
                          {"loss.lambda", "7"},
                          {"model.base_channels", "7"},
                          {"model.normalization", "batch"},
-                         {"data.noise.model", "none"}};
+                         {"data.noise.models", "none"}};
   for (const auto& [key, value] : bound) {
     const std::string refusal = Refusal(Saved(), With({{key, value}}));
     EXPECT_NE(refusal.find(key + " = "), std::string::npos) << key << ": " << refusal;

@@ -39,7 +39,7 @@ TEST(TrainConfig, PaperModelsAreThoseOfTheTable) {
     EXPECT_EQ(c.data.pose.roll_deg, 5);
     EXPECT_EQ(c.data.pose.roll_offsets_deg, std::vector<double>{90});
     EXPECT_EQ(c.data.image_sizes, std::vector<std::string>{"320x180"});
-    EXPECT_EQ(c.data.noise.model, "paper");
+    EXPECT_EQ(c.data.noise.models, std::vector<std::string>{"paper"});
     EXPECT_EQ(c.data.scene.room_probability, 1);
     EXPECT_EQ(c.data.sensors, std::vector<std::string>{"realsense_d415"});
     EXPECT_EQ(c.data.assembly.position_mm, 0);
@@ -78,7 +78,7 @@ TEST(TrainConfig, LiteIsASmallM05) {
   EXPECT_EQ(c.data.pose.roll_offsets_deg, std::vector<double>{90});
   EXPECT_EQ(c.model.base_channels, 8);
   EXPECT_EQ(c.loss.keypoints, KeypointKind::kExposed);
-  EXPECT_EQ(c.data.noise.model, "sensor");
+  EXPECT_EQ(c.data.noise.models, std::vector<std::string>{"sensor"});
   EXPECT_EQ(c.data.assembly.position_mm, 3);
   EXPECT_EQ(c.data.assembly.yaw_deg, 0.5);
   EXPECT_EQ(c.data.assembly.size_scale_percent, 1);
@@ -181,11 +181,15 @@ TEST(TrainConfig, KeysThatAreGoneAreReadWhereTheyHadNoEffect) {
   }
   EXPECT_NO_THROW(ReadTrainConfig(source));
   EXPECT_EQ(ReadSavedConfig("loss: {class_weights: []}\n", "old.state").run.samples, 3200000);
+  EXPECT_EQ(ReadSavedConfig("data: {noise: {model: paper}}\n", "old.state").data.noise.models,
+            std::vector<std::string>{"paper"});
   EXPECT_NE(SetError("optim.optimizer=sgd").find("in {adam, adamw}"), std::string::npos);
   EXPECT_NE(SetError("optim.schedule=cosine").find("in {constant, one_cycle}"), std::string::npos);
 }
 
 TEST(TrainConfig, ErrorsNameTheKeyAndTheNearestOne) {
+  EXPECT_NE(SetError("loss={terms: [a, a], term_weights: [1, 1]}").find("'a' twice"),
+            std::string::npos);
   const std::string unknown = SetError("optim.learning_rat=1e-3");
   EXPECT_NE(unknown.find("optim.learning_rat"), std::string::npos) << unknown;
   const std::string near = SetError("model.base_chanels=4");

@@ -184,7 +184,7 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
       "    - [600, 600, 320, 240]\n",
       {path + ":5", "2 distortion coefficients", "0, 4, 5 or 8"});
   expect_bad("- sensor: a\n  resolution: [640, 480]\n  distortion: strong\n",
-             {path + ":3", "distortion wants a list"});
+             {path + ":3", "distortion = 'strong' is not a finite number"});
   const std::string good = head + "    - [600, 600, 320, 240]\n";
   expect_bad(good + "  distorsion: [0.1]\n", {"'distorsion'", path + ":5"});
   expect_bad(good + "  resolutions: [640, 480]\n",

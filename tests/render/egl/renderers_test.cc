@@ -48,7 +48,7 @@ TEST_P(SampleScenes, LookTheSame) {
   SampleConfig config;
   config.sensors = {GetParam().first};
   config.image_sizes = {GetParam().second};
-  config.noise.model = "none";
+  config.noise.models = {"none"};
   const SampleContext context = MakeSampleContext(config, 16);
   for (std::uint64_t index = 0; index < 24; ++index) Synthesize(context, both, 77, index);
   // Through a lens, OpenGL loses what is smaller than a pixel of the picture that it is cut from.

@@ -190,7 +190,7 @@ class Recorder : public DepthRenderer {
 std::vector<RenderedView> SampleViews(const tiles::TileKernels& kernels, bool backwards) {
   SampleConfig config;
   config.image_sizes = {"160x144", "73x41"};
-  config.noise.model = "none";
+  config.noise.models = {"none"};
   const SampleContext context = MakeSampleContext(config, 1);
   constexpr std::uint64_t kCount = 12;
   Recorder recorder(kernels);
