@@ -11,7 +11,8 @@ namespace volalign {
 namespace {
 
 std::map<std::string, LossTermFactory>& Registered() {
-  static std::map<std::string, LossTermFactory> registered;
+  // Those of the paper, loss_seg and loss_3d, are always there (train/losses.h).
+  static std::map<std::string, LossTermFactory> registered = {{"seg", nullptr}, {"3d", nullptr}};
   return registered;
 }
 
@@ -25,7 +26,7 @@ void RegisterLossTerm(const std::string& name, LossTermFactory factory) {
 std::unique_ptr<LossTerm> MakeLossTerm(const std::string& name, const Structure& structure,
                                        const at::Device& device) {
   const auto found = Registered().find(name);
-  if (found == Registered().end()) {
+  if (found == Registered().end() || !found->second) {
     throw ConfigError(
         fmt::format("loss.terms: '{}' is unknown: volalign has none of its own; a program "
                     "registers them (train/loss_term.h)",

@@ -30,8 +30,8 @@ class LossTerm {
 using LossTermFactory =
     std::function<std::unique_ptr<LossTerm>(const Structure& structure, const at::Device& device)>;
 
-/// Makes `name` a value of loss.terms. To be called at the start of a program, before other threads
-/// run. Throws Error where there is such a term.
+/// Makes `name` a value of loss.terms; the logs have it as loss_NAME. To be called at the start of
+/// a program, before other threads run. Throws Error where there is such a term.
 void RegisterLossTerm(const std::string& name, LossTermFactory factory);
 
 /// Throws ConfigError for a name that is not registered.

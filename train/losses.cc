@@ -40,8 +40,10 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
     : config_(config),
       num_classes_(structure.num_classes()),
       targets_(StructureKeypoints(structure, config.keypoints)) {
-  for (const std::string& name : config.terms)
+  for (const std::string& name : config.terms) {
     terms_.push_back(MakeLossTerm(name, structure, device));
+    names_.push_back("loss_" + name);
+  }
 }
 
 LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
@@ -49,8 +51,8 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
                                    std::int64_t samples, double share) const {
   LossTerms terms = PaperLoss(log_probs, depth, labels, rays, samples, share);
   for (std::size_t i = 0; i < terms_.size(); ++i) {
-    terms.total = terms.total +
-                  share * config_.term_weights[i] * (*terms_[i])({log_probs, depth, labels, rays});
+    terms.terms.push_back((*terms_[i])({log_probs, depth, labels, rays}));
+    terms.total = terms.total + share * config_.term_weights[i] * terms.terms.back();
   }
   return terms;
 }
@@ -58,22 +60,20 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
 LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
                                   const at::Tensor& labels, const at::Tensor& rays,
                                   std::int64_t samples, double share) const {
-  LossTerms terms;
   if (!config_.procrustes) {
-    terms.segmentation = SegmentationLoss(log_probs, labels);
-    terms.total = share * terms.segmentation;
-    terms.procrustes = at::zeros({}, log_probs.options().requires_grad(false));
-    terms.degenerate = at::zeros({}, labels.options());
-    return terms;
+    const at::Tensor segmentation = SegmentationLoss(log_probs, labels);
+    return {share * segmentation,
+            at::zeros({}, labels.options()),
+            {segmentation, at::zeros({}, log_probs.options().requires_grad(false))}};
   }
-  at::Tensor keypoints, visible;
+  at::Tensor segmentation, keypoints, visible;
   if (log_probs.is_cpu()) {
     const PixelTerms pixels = ComputePixelTerms(log_probs, labels, depth, rays);
-    terms.segmentation = pixels.segmentation;
+    segmentation = pixels.segmentation;
     keypoints = pixels.keypoints;
     visible = pixels.measured.narrow(1, 1, num_classes_ - 1) >= config_.min_side_pixels;
   } else {
-    terms.segmentation = SegmentationLoss(log_probs, labels);
+    segmentation = SegmentationLoss(log_probs, labels);
     keypoints = SoftKeypoints(log_probs, Deproject(depth, rays));
     visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
   }
@@ -82,10 +82,9 @@ LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor&
                           ? 1.0
                           : std::min(1.0, static_cast<double>(samples) /
                                               static_cast<double>(config_.lambda_warmup_samples));
-  terms.total = share * terms.segmentation + share * config_.lambda * ramp * loss.loss;
-  terms.procrustes = loss.loss;
-  terms.degenerate = loss.degenerate;
-  return terms;
+  return {share * segmentation + share * config_.lambda * ramp * loss.loss,
+          loss.degenerate,
+          {segmentation, loss.loss}};
 }
 
 }  // namespace volalign

@@ -18,16 +18,20 @@ at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int n
                         int min_pixels);
 
 struct LossTerms {
-  at::Tensor total;         ///< scalar, differentiable, with loss.terms
-  at::Tensor segmentation;  ///< scalar
-  at::Tensor procrustes;    ///< scalar, m; 0 when it is switched off
-  at::Tensor degenerate;    ///< int64 scalar, samples that added nothing to `procrustes`
+  at::Tensor total;       ///< scalar, differentiable: the weighted sum of `terms`
+  at::Tensor degenerate;  ///< int64 scalar, samples that added nothing to loss_3d
+  /// Scalars without their weights, in the order of TrainingLoss::names().
+  std::vector<at::Tensor> terms;
 };
 
 /// L = L_seg + lambda L_3D (paper, section "Soft Procrustes") + the weighted loss.terms.
 class TrainingLoss {
  public:
   TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);
+
+  /// Under which steps, logs and validations have the terms: loss_seg, loss_3d (m; 0 when it is
+  /// switched off), then loss_NAME of each of loss.terms.
+  const std::vector<std::string>& names() const { return names_; }
 
   /// Of a part of a batch: `total` counts as the part's `share` of the samples, so that the totals
   /// of all parts add up to the batch's; the terms are the part's own.
@@ -45,6 +49,7 @@ class TrainingLoss {
   LossConfig config_;
   int num_classes_;
   at::Tensor targets_;  // [K-1,3], on the CPU
+  std::vector<std::string> names_{"loss_seg", "loss_3d"};
   std::vector<std::unique_ptr<LossTerm>> terms_;
 };
 

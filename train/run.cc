@@ -259,7 +259,7 @@ void Run::Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t 
 /// Has progress_.means know of all steps. Waits for the device.
 void Run::Collect() {
   if (!pending_.sums.defined()) return;
-  StepReport report = ReadSums(pending_.sums);
+  StepReport report = ReadSums(pending_.sums, loss_.names());
   report.times = ShareOut(pending_.times, pending_.measured);
   progress_.means.Add(report, pending_.samples);
   pending_ = {};

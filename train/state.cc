@@ -26,14 +26,19 @@ void Describe(Archive& ar, StepMeans& means) {
   ar("steps", sum.steps);
   ar("samples", means.samples);
   ar("loss", sum.loss);
-  ar("loss_seg", sum.loss_seg);
-  ar("loss_3d", sum.loss_3d);
+  ar("loss_seg", sum.terms["loss_seg"]);
+  ar("loss_3d", sum.terms["loss_3d"]);
   ar("degenerate", sum.degenerate);
   ar("gradient_norm", sum.gradient_norm);
   Eigen::Matrix<double, 5, 1> times;
   times << t.data, t.forward, t.loss, t.backward, t.optim;
   ar("times", times);
   ar.Later("skipped", sum.skipped);
+  std::map<std::string, double> own = sum.terms;  // of loss.terms
+  own.erase("loss_seg");
+  own.erase("loss_3d");
+  ar.Optional("terms", own);
+  sum.terms.insert(own.begin(), own.end());
   t = {times[0], times[1], times[2], times[3], times[4]};
 }
 

@@ -20,8 +20,8 @@ double Seconds(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
 }
 
-/// Adds the gradient of a part of a batch, and returns its total, segmentation and Procrustes loss
-/// as they count in the batch's, and its degenerate samples: [4] float64.
+/// Adds the gradient of a part of a batch, and returns its total, its degenerate samples and its
+/// terms as they count in the batch's: [2 + N] float64.
 at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& part, double share,
                        const Compute& compute, std::int64_t samples, StepTimes* times) {
   const auto now = [&] {
@@ -40,9 +40,11 @@ at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& 
     times->loss += Seconds(forward, compared);
     times->backward += Seconds(compared, now());
   }
-  return at::stack(
-      {terms.total.detach().to(at::kDouble), terms.segmentation.detach().to(at::kDouble) * share,
-       terms.procrustes.detach().to(at::kDouble) * share, terms.degenerate.to(at::kDouble)});
+  std::vector<at::Tensor> values = {terms.total.detach().to(at::kDouble),
+                                    terms.degenerate.to(at::kDouble)};
+  for (const at::Tensor& term : terms.terms)
+    values.push_back(term.detach().to(at::kDouble) * share);
+  return at::stack(values);
 }
 
 }  // namespace
@@ -53,17 +55,16 @@ at::Tensor StepNumbers::Sums() const {
   return at::cat({kept, at::ones_like(skipped), skipped});
 }
 
-StepReport ReadSums(const at::Tensor& sums) {
+StepReport ReadSums(const at::Tensor& sums, const std::vector<std::string>& names) {
   const at::Tensor host = sums.to(at::kCPU);
   const double* value = host.data_ptr<double>();
   StepReport report;
-  report.loss = value[0];
-  report.loss_seg = value[1];
-  report.loss_3d = value[2];
-  report.degenerate = static_cast<std::int64_t>(value[3]);
-  report.gradient_norm = value[4];
-  report.steps = static_cast<std::int64_t>(value[5]);
-  report.skipped = static_cast<std::int64_t>(value[6]);
+  report.loss = *value++;
+  report.degenerate = static_cast<std::int64_t>(*value++);
+  for (const std::string& name : names) report.terms[name] = *value++;
+  report.gradient_norm = *value++;
+  report.steps = static_cast<std::int64_t>(*value++);
+  report.skipped = static_cast<std::int64_t>(*value++);
   return report;
 }
 

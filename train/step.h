@@ -4,6 +4,8 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
+#include <vector>
 
 #include "train/batch.h"
 #include "train/compute.h"
@@ -16,18 +18,19 @@ namespace volalign {
 
 /// What a step computed, on its device.
 struct StepNumbers {
-  /// [5] float64: loss, segmentation and Procrustes loss, degenerate samples, norm of the gradient.
+  /// [3 + N] float64: loss, degenerate samples, the N terms of the loss, norm of the gradient.
   at::Tensor values;
   at::Tensor norm;    ///< float32 scalar: that of the gradient, before clipping
   at::Tensor finite;  ///< bool scalar: loss and norm are
 
-  /// [7] float64 that add up over steps: `values`, or 0 where the step is not finite, 1, and
+  /// [5 + N] float64 that add up over steps: `values`, or 0 where the step is not finite, 1, and
   /// whether the step is to be skipped.
   at::Tensor Sums() const;
 };
 
-/// Of sums of StepNumbers::Sums, but for the times. Waits for the device.
-StepReport ReadSums(const at::Tensor& sums);
+/// Of sums of StepNumbers::Sums, but for the times. `names`: TrainingLoss::names(). Waits for the
+/// device.
+StepReport ReadSums(const at::Tensor& sums, const std::vector<std::string>& names);
 
 /// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
 /// time (0: all): fills `learner.flat`'s gradient. Changes no weight, so that a step that is not

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -53,7 +54,8 @@ std::string Pack(const ValidationResult& own) {
     scores.push_back(json::array({s.sensor, s.rho_m, s.loss_seg, s.miou, s.miou_authors, s.posed,
                                   s.keypoint_rmse_m, s.translation_error_m, s.rotation_error_deg}));
   }
-  const auto bytes = json::to_cbor({{"loss_3d", own.loss_3d * own.samples}, {"scores", scores}});
+  const auto bytes =
+      json::to_cbor({{"terms", own.terms}, {"samples", own.samples}, {"scores", scores}});
   return {bytes.begin(), bytes.end()};
 }
 
@@ -127,10 +129,11 @@ void ShareCameras(ProcessGroup& group, RunProgress* progress) {
 ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size) {
   if (group.size() == 1) return own;
   std::vector<json> slices;
-  double loss_3d = 0;
+  std::map<std::string, double> sums;
   for (const std::string& bytes : group.Gather(Pack(own))) {
     const json slice = json::from_cbor(bytes);
-    loss_3d += slice.at("loss_3d").get<double>();
+    for (const auto& term : slice.at("terms").items())
+      sums[term.key()] += term.value().get<double>() * slice.at("samples").get<double>();
     slices.push_back(slice.at("scores"));
   }
   std::vector<SampleScore> scores;
@@ -147,7 +150,7 @@ ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& ow
     }
   }
   ValidationResult result = Summarise(scores);
-  result.loss_3d = loss_3d / result.samples;
+  for (const auto& [name, sum] : sums) result.terms[name] = sum / result.samples;
   result.scores = std::move(scores);
   result.examples = own.examples;
   return result;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -57,7 +58,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
   net->eval();
   std::vector<SampleScore> scores;
   std::vector<LabelExample> examples;
-  double loss_3d = 0;
+  std::map<std::string, double> sums;
   MiouOptions present, all;
   present.num_classes = all.num_classes = structure.num_classes();
   all.absent_counts_as_one = true;
@@ -71,7 +72,9 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     const at::Tensor log_probs = net->forward(input);
     const LossTerms terms = loss(log_probs, batch.depth, batch.labels, batch.rays,
                                  std::numeric_limits<std::int64_t>::max());
-    loss_3d += static_cast<double>(drawn.size()) * terms.procrustes.item<double>();
+    for (std::size_t i = 0; i < terms.terms.size(); ++i) {
+      sums[loss.names()[i]] += static_cast<double>(drawn.size()) * terms.terms[i].item<double>();
+    }
     const at::Tensor predicted = at::argmax(log_probs, 1).to(at::kByte).to(at::kCPU).contiguous();
     const std::uint8_t* pixels = predicted.data_ptr<std::uint8_t>();
     const at::Tensor nll =
@@ -105,7 +108,8 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     }
   }
   ValidationResult result = Summarise(scores);
-  result.loss_3d = loss_3d / result.samples;
+  sums.erase("loss_seg");  // which the scores have, in double
+  for (const auto& [name, sum] : sums) result.terms[name] = sum / result.samples;
   result.scores = std::move(scores);
   result.examples = std::move(examples);
   return result;

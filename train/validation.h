@@ -14,7 +14,7 @@ namespace volalign {
 
 inline constexpr int kLabelExamples = 4;
 
-/// Means and medians over some samples; `loss_3d`, which is a batch's, stays 0 and `scores` empty.
+/// Means and medians over some samples; `terms`, which are a batch's, and `scores` stay empty.
 ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
 /// Keypoints of the sides that `labels` shows in a sample's depth map, in two frames, m.

@@ -69,8 +69,8 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
                                batch.labels, batch.rays, 1);
   // Occlusion and the unweighted pixel mean keep soft keypoints off the exposed centroids by
   // centimetres.
-  EXPECT_LT(good.procrustes.item<double>(), 0.35);
-  EXPECT_GT(blind.procrustes.item<double>(), 3 * good.procrustes.item<double>());
+  EXPECT_LT(good.terms[1].item<double>(), 0.35);
+  EXPECT_GT(blind.terms[1].item<double>(), 3 * good.terms[1].item<double>());
   EXPECT_EQ(good.degenerate.item<std::int64_t>(), 0);
 }
 
@@ -87,14 +87,14 @@ TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
   for (const auto& [samples, lambda] : expected) {
     const LossTerms t = loss(log_probs, batch.depth, batch.labels, batch.rays, samples);
     EXPECT_NEAR(t.total.item<double>(),
-                t.segmentation.item<double>() + lambda * t.procrustes.item<double>(), 1e-6);
-    EXPECT_GT(t.procrustes.item<double>(), 0);
+                t.terms[0].item<double>() + lambda * t.terms[1].item<double>(), 1e-6);
+    EXPECT_GT(t.terms[1].item<double>(), 0);
   }
   config.procrustes = false;
   const LossTerms off = TrainingLoss(config, data.structure, at::kCPU)(
       log_probs, batch.depth, batch.labels, batch.rays, 9999);
-  EXPECT_EQ(off.total.item<double>(), off.segmentation.item<double>());
-  EXPECT_EQ(off.procrustes.item<double>(), 0);
+  EXPECT_EQ(off.total.item<double>(), off.terms[0].item<double>());
+  EXPECT_EQ(off.terms[1].item<double>(), 0);
 }
 
 /// The mean probability of the background.
@@ -124,8 +124,11 @@ TEST(TrainingLoss, AddsRegisteredTerms) {
   const TrainingLoss loss(config, data.structure, at::kCPU);
   const LossTerms whole = loss(log_probs, batch.depth, batch.labels, batch.rays, 0);
   const double background = log_probs.select(1, 0).exp().mean().item<double>();
-  EXPECT_NEAR(whole.total.item<double>(), whole.segmentation.item<double>() + 0.25 * background,
-              1e-6);
+  EXPECT_NEAR(whole.total.item<double>(), whole.terms[0].item<double>() + 0.25 * background, 1e-6);
+  EXPECT_EQ(loss.names(), (std::vector<std::string>{"loss_seg", "loss_3d", "loss_background"}));
+  ASSERT_EQ(whole.terms.size(), 3U);
+  EXPECT_NEAR(whole.terms[2].item<double>(), background, 1e-6);
+  EXPECT_THROW(RegisterLossTerm("seg", nullptr), Error);  // loss_seg is there
   // Of a batch in two parts: as much as of the whole.
   double parts = 0;
   for (std::int64_t i = 0; i < 2; ++i) {

@@ -33,11 +33,19 @@ TEST(RunProgress, IsReadFromAndWrittenToTheseKeys) {
   EXPECT_EQ(progress.means.sum.steps, 3);
   EXPECT_EQ(progress.means.sum.skipped, 1);
   EXPECT_EQ(progress.means.samples, 48);
-  EXPECT_EQ(progress.means.sum.loss_3d, 0.25);
+  EXPECT_EQ(progress.means.sum.terms.at("loss_3d"), 0.25);
   EXPECT_EQ(progress.means.sum.degenerate, 7);
   EXPECT_EQ(progress.means.sum.times.data, 0.5);
   EXPECT_EQ(progress.means.sum.times.optim, 2.5);
   EXPECT_EQ(nlohmann::json::parse(WriteProgress(progress)), nlohmann::json::parse(kProgress));
+}
+
+TEST(RunProgress, HasTheTermsOfTheProgram) {
+  nlohmann::json own = nlohmann::json::parse(kProgress);
+  own["means"]["terms"] = {{"loss_mine", 0.5}};
+  const RunProgress progress = ReadProgress(own.dump());
+  EXPECT_EQ(progress.means.sum.terms.at("loss_mine"), 0.5);
+  EXPECT_EQ(nlohmann::json::parse(WriteProgress(progress)), own);
 }
 
 TEST(RunProgress, OfAnEarlierVersionSkippedNoStep) {

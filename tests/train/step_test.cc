@@ -32,7 +32,7 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
   for (const int micro_batch : {0, 1, 2}) {
     Learner learner(config, data.structure.num_classes(), compute);
     const StepNumbers numbers = ComputeGradient(learner, loss, batch, compute, 0, micro_batch);
-    const StepReport report = ReadSums(numbers.Sums());
+    const StepReport report = ReadSums(numbers.Sums(), loss.names());
     EXPECT_EQ(report.steps, 1);
     EXPECT_EQ(report.skipped, 0);
     EXPECT_NEAR(numbers.norm.item<double>(), report.gradient_norm, 1e-12);
@@ -40,14 +40,16 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
     if (micro_batch == 0) {
       expected = gradient;
       whole = report;
-      EXPECT_GT(report.loss_3d, 0);
+      EXPECT_GT(report.terms.at("loss_3d"), 0);
       continue;
     }
     SCOPED_TRACE(micro_batch);
     EXPECT_LT((gradient - expected).norm().item<double>(), 1e-4 * expected.norm().item<double>());
     EXPECT_NEAR(report.loss, whole.loss, 1e-5 * whole.loss);
-    EXPECT_NEAR(report.loss_seg, whole.loss_seg, 1e-5 * whole.loss_seg);
-    EXPECT_NEAR(report.loss_3d, whole.loss_3d, 1e-5 * whole.loss_3d);
+    EXPECT_NEAR(report.terms.at("loss_seg"), whole.terms.at("loss_seg"),
+                1e-5 * whole.terms.at("loss_seg"));
+    EXPECT_NEAR(report.terms.at("loss_3d"), whole.terms.at("loss_3d"),
+                1e-5 * whole.terms.at("loss_3d"));
     EXPECT_EQ(report.degenerate, whole.degenerate);
   }
 }
@@ -60,7 +62,8 @@ TEST(StepNumbers, OfAStepThatIsNotFiniteCountAsNothing) {
     return n;
   };
   const StepReport sum = ReadSums(numbers(2, true).Sums() + numbers(NAN, false).Sums() +
-                                  numbers(INFINITY, false).Sums() + numbers(3, true).Sums());
+                                      numbers(INFINITY, false).Sums() + numbers(3, true).Sums(),
+                                  {"loss_seg", "loss_3d"});
   EXPECT_EQ(sum.steps, 4);
   EXPECT_EQ(sum.skipped, 2);
   EXPECT_EQ(sum.loss, 5);

@@ -52,6 +52,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   }
   EXPECT_NEAR(v.miou_authors, miou_authors, 1e-9);
   EXPECT_NEAR(v.loss_seg, nll, 1e-5);
+  EXPECT_EQ(v.terms.count("loss_3d"), 1U);
 }
 
 // As the paper and the Procrustes term take them: no pixel weighs more for being far away.

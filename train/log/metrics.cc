@@ -10,20 +10,8 @@ namespace volalign {
 
 namespace {
 
-/// Those of which a row has the mean over the steps that were not skipped,
-std::array<double*, 4> Numbers(StepReport* report) {
-  return {&report->loss, &report->loss_seg, &report->loss_3d, &report->gradient_norm};
-}
-
-/// and over all.
 std::array<double*, 5> Numbers(StepTimes* t) {
   return {&t->data, &t->forward, &t->loss, &t->backward, &t->optim};
-}
-
-template <class T>
-void AddNumbers(T* sum, T more) {
-  const auto sums = Numbers(sum), numbers = Numbers(&more);
-  for (std::size_t i = 0; i < sums.size(); ++i) *sums[i] += *numbers[i];
 }
 
 }  // namespace
@@ -35,10 +23,9 @@ std::string MedianPoseError(const ValidationResult& result) {
 }
 
 std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result) {
-  std::vector<std::pair<std::string, double>> means = {{"loss_seg", result.loss_seg},
-                                                       {"loss_3d", result.loss_3d},
-                                                       {"miou", result.miou},
-                                                       {"miou_authors", result.miou_authors}};
+  std::vector<std::pair<std::string, double>> means = {{"loss_seg", result.loss_seg}};
+  means.insert(means.end(), result.terms.begin(), result.terms.end());
+  means.insert(means.end(), {{"miou", result.miou}, {"miou_authors", result.miou_authors}});
   if (result.posed == 0) return means;
   means.insert(means.end(), {{"keypoint_rmse_m", result.keypoint_rmse_m},
                              {"median_translation_error_m", result.median_translation_error_m},
@@ -66,8 +53,12 @@ void StepMeans::Add(const StepReport& more, std::int64_t more_samples) {
   sum.steps += more.steps;
   sum.skipped += more.skipped;
   sum.degenerate += more.degenerate;
-  AddNumbers(&sum, more);
-  AddNumbers(&sum.times, more.times);
+  sum.loss += more.loss;
+  for (const auto& [name, value] : more.terms) sum.terms[name] += value;
+  sum.gradient_norm += more.gradient_norm;
+  StepTimes times = more.times;
+  const auto sums = Numbers(&sum.times), numbers = Numbers(&times);
+  for (std::size_t i = 0; i < sums.size(); ++i) *sums[i] += *numbers[i];
 }
 
 TrainRow StepMeans::Take(std::int64_t step, std::int64_t samples_so_far, double lr) {
@@ -75,7 +66,9 @@ TrainRow StepMeans::Take(std::int64_t step, std::int64_t samples_so_far, double 
   StepTimes& t = row.mean.times;
   row.samples_per_s = static_cast<double>(samples) / Total(t);
   const auto finite = static_cast<double>(std::max<std::int64_t>(sum.steps - sum.skipped, 1));
-  for (double* value : Numbers(&row.mean)) *value /= finite;
+  row.mean.loss /= finite;
+  for (auto& [name, value] : row.mean.terms) value /= finite;
+  row.mean.gradient_norm /= finite;
   for (double* value : Numbers(&t)) *value /= static_cast<double>(sum.steps);
   *this = StepMeans();
   return row;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -23,10 +24,11 @@ StepTimes ShareOut(const StepTimes& all, const StepTimes& measured);
 /// What one step measured, or sums over several.
 struct StepReport {
   std::int64_t steps = 1;
-  std::int64_t skipped = 0;  ///< of them, for a loss or gradient that is not finite
-  double loss = 0, loss_seg = 0, loss_3d = 0;  ///< these and the next two of the others alone
-  std::int64_t degenerate = 0;                 ///< samples that added nothing to loss_3d
-  double gradient_norm = 0;                    ///< before clipping
+  std::int64_t skipped = 0;             ///< of them, for a loss or gradient that is not finite
+  double loss = 0;                      ///< this and what follows but `times` of the others alone
+  std::map<std::string, double> terms;  ///< of the loss, by the names that logs have: loss_seg, ...
+  std::int64_t degenerate = 0;          ///< samples that added nothing to loss_3d
+  double gradient_norm = 0;             ///< before clipping
   StepTimes times;
 };
 
@@ -50,7 +52,7 @@ struct LabelExample {
 struct ValidationResult {
   int samples = 0;
   double loss_seg = 0;
-  double loss_3d = 0;
+  std::map<std::string, double> terms;  ///< of the loss, but loss_seg
   double miou = 0;          ///< over the classes present in an image (core/geometry/metrics.h)
   double miou_authors = 0;  ///< over all classes
   int posed = 0;  ///< samples whose predicted keypoints fix a pose (core/geometry/procrustes.h);

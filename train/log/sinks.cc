@@ -43,23 +43,22 @@ void JsonlSink::Write(const std::string& row) {
 
 void JsonlSink::Train(const TrainRow& row) {
   const StepReport& mean = row.mean;
-  const json j = {{"type", "train"},
-                  {"step", row.step},
-                  {"samples", row.samples},
-                  {"loss", mean.loss},
-                  {"loss_seg", mean.loss_seg},
-                  {"loss_3d", mean.loss_3d},
-                  {"degenerate", mean.degenerate},
-                  {"gradient_norm", mean.gradient_norm},
-                  {"skipped", mean.skipped},
-                  {"lr", row.lr},
-                  {"samples_per_s", row.samples_per_s},
-                  {"step_s",
-                   {{"data", mean.times.data},
-                    {"forward", mean.times.forward},
-                    {"loss", mean.times.loss},
-                    {"backward", mean.times.backward},
-                    {"optim", mean.times.optim}}}};
+  json j = {{"type", "train"},
+            {"step", row.step},
+            {"samples", row.samples},
+            {"loss", mean.loss},
+            {"degenerate", mean.degenerate},
+            {"gradient_norm", mean.gradient_norm},
+            {"skipped", mean.skipped},
+            {"lr", row.lr},
+            {"samples_per_s", row.samples_per_s},
+            {"step_s",
+             {{"data", mean.times.data},
+              {"forward", mean.times.forward},
+              {"loss", mean.times.loss},
+              {"backward", mean.times.backward},
+              {"optim", mean.times.optim}}}};
+  for (const auto& [name, value] : mean.terms) j[name] = value;
   Write(j.dump());
 }
 

@@ -24,18 +24,19 @@ TensorBoardSink::TensorBoardSink(const std::filesystem::path& folder,
 void TensorBoardSink::Train(const TrainRow& row) {
   const StepReport& mean = row.mean;
   const StepTimes& t = mean.times;
-  file_.Scalars(row.samples, {{"train/loss", mean.loss},
-                              {"train/loss_seg", mean.loss_seg},
-                              {"train/loss_3d", mean.loss_3d},
-                              {"train/degenerate", static_cast<double>(mean.degenerate)},
-                              {"train/gradient_norm", mean.gradient_norm},
-                              {"train/lr", row.lr},
-                              {"speed/samples_per_s", row.samples_per_s},
-                              {"speed/data_s", t.data},
-                              {"speed/forward_s", t.forward},
-                              {"speed/loss_s", t.loss},
-                              {"speed/backward_s", t.backward},
-                              {"speed/optim_s", t.optim}});
+  std::vector<std::pair<std::string, double>> scalars = {
+      {"train/loss", mean.loss},
+      {"train/degenerate", static_cast<double>(mean.degenerate)},
+      {"train/gradient_norm", mean.gradient_norm},
+      {"train/lr", row.lr},
+      {"speed/samples_per_s", row.samples_per_s},
+      {"speed/data_s", t.data},
+      {"speed/forward_s", t.forward},
+      {"speed/loss_s", t.loss},
+      {"speed/backward_s", t.backward},
+      {"speed/optim_s", t.optim}};
+  for (const auto& [name, value] : mean.terms) scalars.emplace_back("train/" + name, value);
+  file_.Scalars(row.samples, scalars);
 }
 
 void TensorBoardSink::Validation(const ValidationRow& row) {

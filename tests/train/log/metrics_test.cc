@@ -12,14 +12,14 @@ TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
   StepMeans means;
   StepReport a, b;
   a.loss = 1;
-  a.loss_seg = 0.5;
-  a.loss_3d = 5;
+  a.terms["loss_seg"] = 0.5;
+  a.terms["loss_3d"] = 5;
   a.degenerate = 1;
   a.gradient_norm = 10;
   a.times = {1, 2, 3, 4, 5};
   b.loss = 3;
-  b.loss_seg = 1.5;
-  b.loss_3d = 7;
+  b.terms["loss_seg"] = 1.5;
+  b.terms["loss_3d"] = 7;
   b.degenerate = 2;
   b.gradient_norm = 30;
   b.times = {2, 3, 4, 5, 1};
@@ -31,8 +31,8 @@ TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
   EXPECT_EQ(row.lr, 0.01);
   EXPECT_NEAR(row.samples_per_s, 12.0 / 30, 1e-12);  // in 15 s and 15 s
   EXPECT_EQ(row.mean.loss, 2);
-  EXPECT_EQ(row.mean.loss_seg, 1);
-  EXPECT_EQ(row.mean.loss_3d, 6);
+  EXPECT_EQ(row.mean.terms.at("loss_seg"), 1);
+  EXPECT_EQ(row.mean.terms.at("loss_3d"), 6);
   EXPECT_EQ(row.mean.degenerate, 3);  // a sum
   EXPECT_EQ(row.mean.gradient_norm, 20);
   EXPECT_EQ(row.mean.times.data, 1.5);

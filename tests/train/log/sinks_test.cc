@@ -30,6 +30,7 @@ TrainRow RowAt(std::int64_t samples) {
   row.lr = 0.5;
   row.samples_per_s = 7;
   row.mean.loss = 0.25;
+  row.mean.terms = {{"loss_mine", 1.5}};
   row.mean.degenerate = 3;
   row.mean.times.backward = 0.125;
   return row;
@@ -53,6 +54,7 @@ TEST(JsonlSink, WritesARowALine) {
   EXPECT_EQ(rows[0]["step"], 10);
   EXPECT_EQ(rows[0]["samples"], 20);
   EXPECT_EQ(rows[0]["loss"], 0.25);
+  EXPECT_EQ(rows[0]["loss_mine"], 1.5);
   EXPECT_EQ(rows[0]["degenerate"], 3);
   EXPECT_EQ(rows[0]["skipped"], 0);
   EXPECT_EQ(rows[0]["lr"], 0.5);

@@ -34,8 +34,8 @@ TEST(TensorBoardSink, WritesEachNumberUnderItsTag) {
   row.lr = 0.5;
   row.samples_per_s = 7;
   row.mean.loss = 1.5;
-  row.mean.loss_seg = 2.5;
-  row.mean.loss_3d = 3.5;
+  row.mean.terms["loss_seg"] = 2.5;
+  row.mean.terms["loss_3d"] = 3.5;
   row.mean.gradient_norm = 4.5;
   row.mean.times.forward = 5.5;
   sink.Train(row);
