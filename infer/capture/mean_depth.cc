@@ -25,12 +25,13 @@ void MeanDepth::Count(float value, Pixel* pixel) {
 
 /// `values`: not zero, in whole `steps`.
 MeanDepth::Pixel MeanDepth::Begin(const std::vector<float>& values, double step) const {
+  constexpr double kMiddle = 0.499;     // the median; of two values in the middle the nearer
   constexpr double kWithin = 0.68;      // share of the values, of a normal distribution's one sigma
   constexpr double kFar = 3;            // spreads, of a value that does not count
   constexpr double kLeastSpread = 0.3;  // rounding to steps has a standard deviation of 0.29
   Pixel pixel;
   if (values.empty()) return pixel;
-  const double middle = Quantile(values, 0.5);
+  const double middle = Quantile(values, kMiddle);
   std::vector<double> deviations;
   deviations.reserve(values.size());
   for (const float value : values) deviations.push_back(std::abs(value - middle));
