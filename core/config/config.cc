@@ -43,14 +43,11 @@ Constraint OneOf(std::vector<std::string> words) {
 
 namespace config_internal {
 
-std::string ToText(bool value) { return value ? "true" : "false"; }
-std::string ToText(std::int64_t value) { return std::to_string(value); }
-std::string ToText(double value) {
+std::string NumberText(double value) {
   if (std::isnan(value)) return ".nan";
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
   return fmt::format("{}", value);
 }
-std::string ToText(const std::string& value) { return value; }
 
 namespace {
 [[noreturn]] void BadType(const std::string& text, const char* type, const std::string& key,
@@ -98,23 +95,15 @@ void CheckRange(std::int64_t value, std::int64_t low, std::uint64_t high, const 
   }
 }
 
-void CheckNumber(double value, const std::vector<Constraint>& constraints, const std::string& key,
-                 const std::string& where) {
+void Check(const std::string& text, std::optional<double> number,
+           const std::vector<Constraint>& constraints, const std::string& key,
+           const std::string& where) {
   for (const Constraint& constraint : constraints) {
-    if (constraint.number && !constraint.number(value)) {
-      throw ConfigError(
-          fmt::format("{} = {} violates {} {} ({})", key, value, key, constraint.text, where));
-    }
-  }
-}
-
-void CheckWord(const std::string& value, const std::vector<Constraint>& constraints,
-               const std::string& key, const std::string& where) {
-  for (const Constraint& constraint : constraints) {
-    if (constraint.word && !constraint.word(value)) {
-      throw ConfigError(fmt::format("{} = {} violates {} {} ({})", key, Shortened(value), key,
-                                    constraint.text, where));
-    }
+    if (number ? !constraint.number || constraint.number(*number)
+               : !constraint.word || constraint.word(text))
+      continue;
+    throw ConfigError(fmt::format("{} = {} violates {} {} ({})", key, Shortened(text), key,
+                                  constraint.text, where));
   }
 }
 
@@ -132,7 +121,7 @@ Constraint Removed(std::string name, std::string instead,
 }
 
 Constraint Fixed(std::string name, double value) {
-  const std::string text = config_internal::ToText(value);
+  const std::string text = config_internal::NumberText(value);
   return Removed(std::move(name), "it is " + text + " now; leave the key out",
                  std::vector<std::string>{text});
 }
@@ -515,79 +504,28 @@ std::string NearestKey(const std::string& key, const std::vector<std::string>& k
   return best;
 }
 
-namespace {
-
-std::string Quoted(const std::string& text) {
+std::string ConfigWriter::Word(const std::string& word) const {
+  if (form_ == Form::kMarkdown) return word;
   YAML::Emitter emitter;
-  emitter << YAML::DoubleQuoted << text;
+  emitter << YAML::DoubleQuoted << word;
   return emitter.c_str();
 }
 
-}  // namespace
-
-std::string ConfigWriter::Indent() {
-  std::string indent(static_cast<std::size_t>(2 * depth_), ' ');
-  if (item_start_) {
-    item_start_ = false;
-    indent.replace(indent.size() - 2, 2, "- ");
-  }
-  return indent;
+void ConfigWriter::Line(const std::string& text) {
+  text_ += begin_ + text + "\n";
+  std::replace(begin_.begin(), begin_.end(), '-', ' ');
 }
 
-void ConfigWriter::Leaf(const std::string& name, const std::string& value, bool quote,
-                        const char* doc, const std::vector<Constraint>& checks) {
-  if (form_ == Form::kYaml) {
-    text_ += fmt::format("{}{}: {}\n", Indent(), name, quote ? Quoted(value) : value);
-    return;
-  }
-  std::string path;
-  for (const std::string& part : path_) path += part + ".";
-  std::string constraint;
+void ConfigWriter::Leaf(const std::string& name, const std::string& value, const char* doc,
+                        const std::vector<Constraint>& checks) {
+  if (form_ == Form::kYaml) return Line(name + ": " + value);
+  std::string limits;
   for (const Constraint& check : checks) {
-    if (check.text.empty()) continue;
-    constraint += (constraint.empty() ? "" : ", ") + check.text;
+    if (!check.text.empty()) limits += (limits.empty() ? "; " : ", ") + check.text;
   }
-  const std::string limits = constraint.empty() ? "" : "; " + constraint;
-  text_ += MarkdownParagraph(
-      value.empty() ? fmt::format("`{}{}` (empty{}): {}", path, name, limits, doc)
-                    : fmt::format("`{}{}` (`{}`{}): {}", path, name, value, limits, doc),
-      "- ");
+  const std::string shown = value.empty() ? "empty" : "`" + value + "`";
+  text_ +=
+      MarkdownParagraph(fmt::format("`{}{}` ({}{}): {}", begin_, name, shown, limits, doc), "- ");
 }
-
-void ConfigWriter::Sequence(const std::string& name, const std::vector<std::string>& values,
-                            bool quote, const char* doc, const std::vector<Constraint>& checks) {
-  std::string list = "[";
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    list += (i ? ", " : "") + (quote && form_ == Form::kYaml ? Quoted(values[i]) : values[i]);
-  }
-  Leaf(name, list + "]", false, doc, checks);
-}
-
-void ConfigWriter::Open(const std::string& name, const char* /*doc*/) {
-  if (form_ == Form::kYaml) {
-    text_ += fmt::format("{}{}:\n", Indent(), name);
-    ++depth_;
-  }
-  path_.push_back(name);
-}
-
-void ConfigWriter::Close() {
-  path_.pop_back();
-  if (form_ == Form::kYaml) --depth_;
-}
-
-void ConfigWriter::OpenList(const std::string& name) {
-  text_ += fmt::format("{}{}:\n", Indent(), name);
-  ++depth_;
-}
-
-void ConfigWriter::CloseList() { --depth_; }
-
-void ConfigWriter::OpenItem() {
-  ++depth_;
-  item_start_ = true;
-}
-
-void ConfigWriter::CloseItem() { --depth_; }
 
 }  // namespace volalign

@@ -111,18 +111,17 @@ struct IsArray : std::false_type {};
 template <class T, std::size_t N>
 struct IsArray<std::array<T, N>> : std::true_type {};
 
-std::string ToText(bool value);
-std::string ToText(std::int64_t value);
-std::string ToText(double value);  // shortest text that reads back exactly
-std::string ToText(const std::string& value);
+std::string NumberText(double value);  // the shortest that reads back exactly
 template <class T>
 std::string ScalarText(const T& value) {
-  if constexpr (std::is_same_v<T, bool> || std::is_same_v<T, std::string>) {
-    return ToText(value);
+  if constexpr (std::is_same_v<T, bool>) {
+    return value ? "true" : "false";
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    return value;
   } else if constexpr (std::is_integral_v<T>) {
-    return ToText(static_cast<std::int64_t>(value));
+    return std::to_string(value);
   } else {
-    return ToText(static_cast<double>(value));
+    return NumberText(static_cast<double>(value));
   }
 }
 /// Throw ConfigError that names key, value and place when the text is of another type.
@@ -147,18 +146,16 @@ T ParseScalar(const std::string& text, const std::string& key, const std::string
     return static_cast<T>(ParseDouble(text, key, where));
   }
 }
-void CheckNumber(double value, const std::vector<Constraint>& constraints, const std::string& key,
-                 const std::string& where);
-void CheckWord(const std::string& value, const std::vector<Constraint>& constraints,
-               const std::string& key, const std::string& where);
+/// A number, or a word where there is none.
+void Check(const std::string& text, std::optional<double> number,
+           const std::vector<Constraint>& constraints, const std::string& key,
+           const std::string& where);
 template <class T>
 void CheckScalar(const T& value, const std::vector<Constraint>& constraints, const std::string& key,
                  const std::string& where) {
-  if constexpr (std::is_same_v<T, std::string>) {
-    CheckWord(value, constraints, key, where);
-  } else {
-    CheckNumber(static_cast<double>(value), constraints, key, where);
-  }
+  std::optional<double> number;
+  if constexpr (!std::is_same_v<T, std::string>) number = static_cast<double>(value);
+  Check(ScalarText(value), number, constraints, key, where);
 }
 }  // namespace config_internal
 
@@ -247,62 +244,57 @@ class ConfigWriter {
     using namespace config_internal;
     const std::vector<Constraint> checks{constraints...};
     if constexpr (std::is_enum_v<T>) {
-      Leaf(name, ToString(value), true, doc, {OneOf(WordsOfAll<T>())});
+      Leaf(name, Word(ToString(value)), doc, {OneOf(WordsOfAll<T>())});
     } else if constexpr (IsScalar<T>::value) {
-      Leaf(name, ScalarText(value), std::is_same_v<T, std::string>, doc, checks);
+      Leaf(name, Text(value), doc, checks);
     } else if constexpr (IsArray<T>::value || IsVector<T>::value) {
-      if constexpr (IsScalar<typename T::value_type>::value) {
-        std::vector<std::string> texts;
-        for (const auto& x : value) {
-          typename T::value_type copy = x;
-          texts.push_back(ScalarText(copy));
-        }
-        Sequence(name, texts, std::is_same_v<typename T::value_type, std::string>, doc, checks);
+      using Item = typename T::value_type;
+      if constexpr (IsScalar<Item>::value) {
+        std::string list = "[";
+        for (const Item& item : value) list += (&item == &value[0] ? "" : ", ") + Text(item);
+        Leaf(name, list + "]", doc, checks);
+      } else if (form_ == Form::kMarkdown) {
+        Item item;
+        Group(name + "[].", item);
+      } else if (value.empty()) {
+        Leaf(name, "[]", doc, checks);
       } else {
-        if (form_ == Form::kMarkdown) {
-          typename T::value_type item;
-          Open(name + "[]", doc);
-          item.Describe(*this);
-          Close();
-        } else if (value.empty()) {
-          Sequence(name, {}, false, doc, checks);
-        } else {
-          OpenList(name);
-          for (auto& item : value) {
-            OpenItem();
-            item.Describe(*this);
-            CloseItem();
-          }
-          CloseList();
-        }
+        Line(name + ":");
+        for (Item& item : value) Group("  - ", item);
       }
+    } else if (form_ == Form::kMarkdown) {
+      Group(name + ".", value);
     } else {
-      Open(name, doc);
-      value.Describe(*this);
-      Close();
+      Line(name + ":");
+      Group("  ", value);
     }
   }
 
   const std::string& text() const { return text_; }
 
  private:
-  void Leaf(const std::string& name, const std::string& value, bool quote, const char* doc,
+  template <class T>
+  std::string Text(const T& value) const {
+    if constexpr (std::is_same_v<T, std::string>) return Word(value);
+    return config_internal::ScalarText(value);
+  }
+  /// In quotes, in YAML.
+  std::string Word(const std::string& word) const;
+  /// What is described stands behind `begin`.
+  template <class T>
+  void Group(const std::string& begin, T& value) {
+    const std::string outer = begin_;
+    begin_ += begin;
+    value.Describe(*this);
+    begin_ = outer;
+  }
+  void Line(const std::string& text);
+  void Leaf(const std::string& name, const std::string& value, const char* doc,
             const std::vector<Constraint>& checks);
-  void Sequence(const std::string& name, const std::vector<std::string>& values, bool quote,
-                const char* doc, const std::vector<Constraint>& checks);
-  void Open(const std::string& name, const char* doc);
-  void Close();
-  void OpenList(const std::string& name);
-  void CloseList();
-  void OpenItem();
-  void CloseItem();
-  std::string Indent();
 
   Form form_;
   std::string text_;
-  std::vector<std::string> path_;
-  int depth_ = 0;
-  bool item_start_ = false;
+  std::string begin_;  ///< of lines in YAML, with the dash of an item in its first; of keys else
 };
 
 /// Reads and checks a whole struct; unknown keys are errors.
