@@ -69,7 +69,7 @@ struct NoiseConfig {
     ar("models", models,
        "applied in this order, each to the depths that the one before it left: none, paper (zeroed "
        "borders and holes), sensor (models of the drawn sensor), physics (a simulation of its "
-       "light, for tests; it has to be first), or ones that your program registers "
+       "light, for tests, always the first), or ones that your program registers "
        "(render/noise.h)",
        OneOf(NoiseModelNames()), FormerlyNamed("model"));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",

@@ -280,7 +280,7 @@ class ConfigWriter {
   }
   /// In quotes, in YAML.
   std::string Word(const std::string& word) const;
-  /// What is described stands behind `begin`.
+  /// The described object stands behind `begin`.
   template <class T>
   void Group(const std::string& begin, T& value) {
     const std::string outer = begin_;
