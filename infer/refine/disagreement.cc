@@ -291,7 +291,7 @@ std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& as
                                   Solution solution) {
   solution.free = asked_for;
   solution.state.scales = kWholePriors;
-  UpdateLineTolerance(problem, &solution);
+  SetLineTolerance(problem, LineTolerance(asked_for), &solution);
   if (!Solve(problem, &solution)) return std::nullopt;
   return SolveWithScaledPriors(problem, std::move(solution));
 }

@@ -160,6 +160,8 @@ Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution) {
   const std::optional<PriorScales> scales = EstimatePriorScales(cost, problem.layout, scaled.free);
   if (!scales) return solution;
   scaled.state.scales = *scales;
+  // A single view does not tell the boxes' places from its own.
+  if (problem.size() == 1) SetLineTolerance(problem, kHeldEdge, &scaled);
   return Solve(problem, &scaled) ? scaled : solution;
 }
 

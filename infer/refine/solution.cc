@@ -12,14 +12,7 @@
 
 namespace volalign::refine_internal {
 
-namespace {
-
-/// m: how far a real box's edges stray from where the structure has them, beyond what its faces do,
-/// where boxes are not estimated. On three real captures it was 10-30 mm for faces that fit to 4
-/// mm.
-constexpr double kHeldEdge = 0.012;
-
-}  // namespace
+namespace {}  // namespace
 
 double LineTolerance(const FreeSet& free) { return free.boxes ? 0 : kHeldEdge; }
 
@@ -48,9 +41,9 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   return observed;
 }
 
-void UpdateLineTolerance(const JointProblem& problem, Solution* solution) {
+void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    solution->observed[i].noise.line = LineTolerance(solution->free);
+    solution->observed[i].noise.line = tolerance;
     SetCovariance(problem.model, solution->state.poses[i].ToPose(), &solution->observed[i]);
   }
 }
