@@ -67,7 +67,7 @@ inline Trained TrainOnBatches(const Compute& compute, const TrainConfig& config,
     const StepNumbers numbers = ComputeGradient(learner, loss, Unpack(packer.Pack(drawn)), compute,
                                                 samples, config.run.micro_batch);
     if (samples == 0) {
-      result.loss = ReadSums(numbers.Sums()).loss;
+      result.loss = ReadSums(numbers.Sums(), loss.names()).loss;
       result.gradient = on_cpu(learner.flat.gradients());
     }
     learner.Update(LearningRate(config.optim, samples, config.run.samples), numbers.norm,
