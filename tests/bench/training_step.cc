@@ -81,7 +81,8 @@ int Main(int argc, char** argv) {
     Synchronize(compute.device);
     times.optim = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     std::cout << fmt::format("{:.6f} {:.6f} {:.6f} {:.6f} {}", times.forward, times.loss,
-                             times.backward, times.optim, ReadSums(numbers.Sums(), loss.names()).loss)
+                             times.backward, times.optim,
+                             ReadSums(numbers.Sums(), loss.names()).loss)
               << std::endl;
   }
   return 0;
