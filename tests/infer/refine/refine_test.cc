@@ -10,6 +10,7 @@
 
 #include "core/base/random.h"
 #include "infer/refine/noise.h"
+#include "infer/refine/solution.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_test {
@@ -302,6 +303,7 @@ TEST(Refine, FindsWhereBoxesStandAndHowLargeTheyAre) {
     return most;
   };
   EXPECT_LT(worst(result), 4e-3);
+  EXPECT_EQ(result.frames[0].noise.line, 0) << "several views tell the boxes' places";
 
   RefineOptions nothing;
   nothing.estimate = "none";
@@ -332,8 +334,12 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   const Pose& truth = *rig.frames[0].ground_truth;
   const RefineResult result =
       Refine(rig.structure, {{testing_infer::Borrowed(points[0]), truth}}, {});
-  for (const RefinedBox& box : result.placements[0].boxes) EXPECT_FALSE(box.estimated);
-  EXPECT_FALSE(result.size_estimated);
+  for (std::size_t b = 1; b < rig.structure.boxes().size(); ++b)
+    EXPECT_FALSE(result.placements[0].boxes[b].estimated);
+  EXPECT_NEAR(result.size_scale, 1, 1e-3);
+  EXPECT_GT(result.sigma_size_scale, 0.7 * PriorOptions().size_sigma_percent / 100);
+  EXPECT_EQ(result.frames[0].noise.line, refine_internal::kHeldEdge)
+      << "nothing tells the boxes' places";
 }
 
 TEST(UnconstrainedDirections, AreNamed) {
