@@ -7,6 +7,7 @@ Installs what ./quickstart.sh builds to a new prefix, and builds examples/calibr
 program with parts of its own, examples/own_program, is built against it, trains by its recipe, and does with the result what volalign does.
 """
 
+import json
 import os
 import re
 import shutil
