@@ -62,8 +62,8 @@ TEST(DepthChecks, GivesTheRangeOfAWrongUnit) {
   };
   // A room of 1 to 4 m, read in another unit.
   for (const Case& c :
-       {Case{1000, "312 to 4985 times too large"}, Case{10, "3.1 to 50 times too large"},
-        Case{0.1f, "2.0 to 32 times too small"}, Case{0.001f, "201 to 3210 times too small"}}) {
+       {Case{1000, "313 to 5015 times too large"}, Case{10, "3.1 to 50 times too large"},
+        Case{0.1f, "2.0 to 32 times too small"}, Case{0.001f, "199 to 3190 times too small"}}) {
     const DepthFinding finding = Check({Ramp("A", c.factor, 4 * c.factor)}).front();
     ASSERT_TRUE(finding.failure.has_value()) << c.factor;
     EXPECT_EQ(finding.failure->code, SensorCode::kWrongUnits);
