@@ -60,8 +60,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("estimate", estimate,
-       "what is estimated besides the poses: auto (what the capture determines), none, or a list "
-       "of boxes, size, depth_gain, depth_offset, lens (separated by commas)");
+       "what is estimated besides the poses: auto (all of the list), none, or a list of boxes, "
+       "size, depth_gain, depth_offset, lens (separated by commas)");
     ar("lens_per_sensor", lens_per_sensor,
        "true: each sensor has a lens of its own. false: sensors of one kind share a lens, except "
        "for a small deviation of the focal length");

@@ -12,7 +12,7 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kLeastScale = 0.02;
-constexpr int kUpdates = 40;  // of expectation maximisation: scales then change by less than 1 %
+constexpr int kUpdates = 40;  // of expectation maximisation
 
 /// By how much the precision of a prior is more.
 double ExtraPrecision(const QuadraticCost& cost, const Eigen::VectorXd& scales, Eigen::Index k) {

@@ -438,6 +438,7 @@ class CommandLine(InAFolder):
             self.expect_error(command + " > /dev/full", "error: cannot write ")
 
     def test_where_an_argument_belongs(self):
+        self.expect("calibrate --capture capture.json --twin S1=2", 1, "--twin: --choose SENSOR=NUMBER does this now")
         self.expect("calibrate real", 1, 'takes no argument "real" by itself: did you mean --capture real?')
         os.mkdir(self.path("real"))
         self.expect("calibrate real -o x", 1, "did you mean --capture real/capture.json? `volalign init real` writes that file")
