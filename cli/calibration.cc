@@ -154,9 +154,12 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
                   "report): the sensor's pose is that one, and the others follow; 1: the one that "
                   "would be chosen")
       ->take_all();
-  app->add_option("--twin")->group("")->each([](const std::string&) {
-    throw CLI::ValidationError("--twin", "--choose SENSOR=NUMBER does this now");
-  });
+  app->add_option_function<std::string>("--twin",
+                                        [](const std::string&) {
+                                          throw CLI::ValidationError(
+                                              "--twin", "--choose SENSOR=NUMBER does this now");
+                                        })
+      ->group("");
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments,
                   "KEY=VALUE over the config, e.g. refine.box_sigma_m=0.01")
