@@ -822,6 +822,12 @@ TEST(SetCovariance, IsThatOfItsParts) {
   EXPECT_NEAR(edges(0, 0), 2.25 * (smooth + line + 0.1 * 0.008 * 0.008), 1e-12);
   EXPECT_NEAR(edges(0, 1), 2.25 * (smooth * apart + line), 1e-12);
   EXPECT_NEAR(edges(0, 2), 0, 1e-15);
+  // However small the scale: what an edge's points have in common is no less than the rounding.
+  observed.noise.edge = 0.25;
+  SetCovariance(model, pose, &observed);
+  const double rounding = 0.008 * 0.008 / 12;
+  EXPECT_NEAR((observed.edge_root * observed.edge_root.transpose())(0, 1),
+              rounding * apart + line / 16, 1e-12);
 }
 
 TEST(SetCovariance, SaysWhereThereIsNone) {
