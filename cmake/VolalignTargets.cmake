@@ -63,13 +63,13 @@ function(volalign_kernels variable file)
   set(${variable} ${sources} PARENT_SCOPE)
 endfunction()
 
-# volalign_library(ROOM [COMPONENT c] SOURCES a.cc b.cc [PUBLIC_HEADERS a.h] [DEPENDS t ...] [PRIVATE_DEPENDS t ...]): the room core/geometry is
+# volalign_library(MODULE [COMPONENT c] SOURCES a.cc b.cc [PUBLIC_HEADERS a.h] [DEPENDS t ...] [PRIVATE_DEPENDS t ...]): the module core/geometry is
 # the library volalign_core_geometry, alias volalign::core_geometry. DEPENDS are of its headers, PRIVATE_DEPENDS of its sources alone; the test
-# `layout` compares both with what the room includes. Our flags are no user's: volalign_options is private. With COMPONENT it is installed, with
+# `layout` compares both with what the module includes. Our flags are no user's: volalign_options is private. With COMPONENT it is installed, with
 # its PUBLIC_HEADERS (VolalignInstall.cmake).
-function(volalign_library room)
+function(volalign_library module)
   cmake_parse_arguments(ARG "" "COMPONENT" "SOURCES;PUBLIC_HEADERS;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
-  string(REPLACE "/" "_" name "${room}")
+  string(REPLACE "/" "_" name "${module}")
   add_library(volalign_${name} STATIC ${ARG_SOURCES})
   add_library(volalign::${name} ALIAS volalign_${name})
   target_link_libraries(volalign_${name} PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS} $<BUILD_INTERFACE:volalign_options>)
@@ -85,7 +85,7 @@ function(volalign_library room)
   endif()
 endfunction()
 
-# Whether one of these targets is LibTorch, or a room that stands on it.
+# Whether one of these targets is LibTorch, or a module that stands on it.
 function(volalign_needs_torch result)
   set(${result} OFF PARENT_SCOPE)
   foreach(target ${ARGN})
@@ -119,24 +119,24 @@ function(volalign_script_test name seconds)
     ENVIRONMENT "LP_NUM_THREADS=0;PYTHONDONTWRITEBYTECODE=1")
 endfunction()
 
-# volalign_tests(ROOM [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ... [NEEDS a:PART:l ...]): tests/ROOM/a_test.cc and the others as one program, ROOM_tests, and each file as
-# the test ROOM/a, a process of its own.
-# Their label is `quick`, or `slow` with SLOW, which are the program ROOM_slow_tests: several minutes under the sanitizers, or in need of more than
-# their own folder and those below. NEEDS takes the tests of a_test.cc whose names have PART out of it, as the test ROOM/a.PART with the further
+# volalign_tests(MODULE [SLOW] DEPENDS t ... [TIMEOUT s] TESTS a b ... [NEEDS a:PART:l ...]): tests/MODULE/a_test.cc and the others as one program, MODULE_tests, and each file as
+# the test MODULE/a, a process of its own.
+# Their label is `quick`, or `slow` with SLOW, which are the program MODULE_slow_tests: several minutes under the sanitizers, or in need of more than
+# their own folder and those below. NEEDS takes the tests of a_test.cc whose names have PART out of it, as the test MODULE/a.PART with the further
 # label needs-l: tests/missing.sh says which of these labels a machine cannot run. A label is one of quick, slow and long besides.
 # The target quick_tests_FOLDER builds the quick tests of a folder and those
 # below it, with _ for /.
-function(volalign_tests room)
+function(volalign_tests module)
   cmake_parse_arguments(ARG "SLOW" "TIMEOUT" "DEPENDS;TESTS;NEEDS" ${ARGN})
   set(label quick)
-  string(REPLACE "/" "_" target "${room}_tests")
+  string(REPLACE "/" "_" target "${module}_tests")
   if(ARG_SLOW)
     set(label slow)
-    string(REPLACE "/" "_" target "${room}_slow_tests")
+    string(REPLACE "/" "_" target "${module}_slow_tests")
   endif()
-  list(TRANSFORM ARG_TESTS REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/${room}/\\1_test.cc" OUTPUT_VARIABLE sources)
+  list(TRANSFORM ARG_TESTS REPLACE "(.+)" "${PROJECT_SOURCE_DIR}/tests/${module}/\\1_test.cc" OUTPUT_VARIABLE sources)
   add_executable(${target} ${sources})
-  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/tests/${room}")
+  set_target_properties(${target} PROPERTIES RUNTIME_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/tests/${module}")
   # Tests' own code compiles in half the time so, and little of the work is its.
   target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)
   volalign_needs_torch(needs_torch ${ARG_DEPENDS})
@@ -153,27 +153,27 @@ function(volalign_tests room)
   volalign_time_limit(${ARG_TIMEOUT} timeout)
   set(names)
   foreach(test IN LISTS ARG_TESTS)
-    set(command ${target} "tests/${room}/${test}_test.cc")
+    set(command ${target} "tests/${module}/${test}_test.cc")
     set(others)
     foreach(need IN LISTS ARG_NEEDS)
       string(REPLACE ":" ";" labels "${need}")
       list(POP_FRONT labels file part)
       if(file STREQUAL test)
         list(TRANSFORM labels PREPEND needs-)
-        add_test(NAME ${room}/${test}.${part} COMMAND ${command} ${part} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-        set_tests_properties(${room}/${test}.${part} PROPERTIES LABELS "${labels}")
-        list(APPEND names ${room}/${test}.${part})
+        add_test(NAME ${module}/${test}.${part} COMMAND ${command} ${part} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+        set_tests_properties(${module}/${test}.${part} PROPERTIES LABELS "${labels}")
+        list(APPEND names ${module}/${test}.${part})
         list(APPEND others -${part})
       endif()
     endforeach()
-    add_test(NAME ${room}/${test} COMMAND ${command} ${others} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
-    list(APPEND names ${room}/${test})
+    add_test(NAME ${module}/${test} COMMAND ${command} ${others} WORKING_DIRECTORY "${PROJECT_SOURCE_DIR}")
+    list(APPEND names ${module}/${test})
   endforeach()
   # LP_NUM_THREADS: see KeepSoftwareRenderingOnOneThread in render/egl/egl_context.h.
   set_tests_properties(${names} PROPERTIES TIMEOUT ${timeout} COST ${cost} ENVIRONMENT "LP_NUM_THREADS=0")
   set_property(TEST ${names} APPEND PROPERTY LABELS ${label})
   if(NOT ARG_SLOW)
-    set(folder ${room})
+    set(folder ${module})
     while(folder)
       string(REPLACE "/" "_" quick "quick_tests_${folder}")
       if(NOT TARGET ${quick})

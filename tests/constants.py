@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Counts the tuned numbers of the rooms that estimate poses, and holds each room to its limit.
+"""Counts the tuned numbers of the modules that estimate poses, and holds each module to its limit.
 
-    tests/constants.py [ROOT] [--list] [--rooms DIR ...]
+    tests/constants.py [ROOT] [--list] [--modules DIR ...]
 
 Counted is each numeric literal of C++ code (no comments, no strings) that is
 - named: in the value of a constant (`constexpr`, or a `const` whose name begins with k), the default of a member, or the default of
@@ -11,7 +11,7 @@ and in configs/intrinsics.yaml each figure of a kind's errors and lens_sigmas wh
 publication, [P]. Not counted: 0, 1, 2 and a half, of either sign; whole numbers inline, which are indices, sizes and
 units; the last default of an option that is gone (`Fixed`); `infinity` and such. Numbers of a law (3 of a root mean square of what falls linearly) are counted: the rule does not read.
 
-A room that has fewer than its limit lowers it: the limit is what was reached. --rooms counts others and holds them to nothing.
+A module that has fewer than its limit lowers it: the limit is what was reached. --modules counts others and holds them to nothing.
 """
 
 import argparse
@@ -89,10 +89,10 @@ def of_yaml(text):
     return found
 
 
-def files_of(root, room):
-    if (root / room).is_file():
-        return [root / room]
-    folder = root / room
+def files_of(root, module):
+    if (root / module).is_file():
+        return [root / module]
+    folder = root / module
     return sorted(folder.glob("*.[ch]*")) if folder.is_dir() else sorted(folder.parent.glob(folder.name + ".*"))
 
 
@@ -100,12 +100,12 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("root", nargs="?", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[1])
     parser.add_argument("--list", action="store_true", help="each number with its place")
-    parser.add_argument("--rooms", nargs="+", help="others than the limits', without limits")
+    parser.add_argument("--modules", nargs="+", help="others than the limits', without limits")
     options = parser.parse_args()
     total, wrong = 0, []
-    for room in options.rooms or LIMITS:
+    for module in options.modules or LIMITS:
         counts = dict.fromkeys(("named", "inline", "YAML"), 0)
-        for path in files_of(options.root, room):
+        for path in files_of(options.root, module):
             text = path.read_text()
             for line, literal, what in of_yaml(text) if path.suffix == ".yaml" else of_code(text, path.suffix == ".h"):
                 counts[what] += 1
@@ -113,10 +113,10 @@ def main():
                     print(f"{path.relative_to(options.root)}:{line}: {literal} ({what})")
         count = sum(counts.values())
         total += count
-        print(f"{room}: {count} (" + ", ".join(f"{n} {what}" for what, n in counts.items() if n) + ")")
-        if not options.rooms and count != LIMITS[room]:
-            wrong.append(f"{room} has {count} tuned numbers, its limit is {LIMITS[room]}: " +
-                         ("take one away, or derive the new one" if count > LIMITS[room] else "lower the limit"))
+        print(f"{module}: {count} (" + ", ".join(f"{n} {what}" for what, n in counts.items() if n) + ")")
+        if not options.modules and count != LIMITS[module]:
+            wrong.append(f"{module} has {count} tuned numbers, its limit is {LIMITS[module]}: " +
+                         ("take one away, or derive the new one" if count > LIMITS[module] else "lower the limit"))
     print(f"total: {total}")
     sys.exit("\n".join(wrong) or 0)
 
