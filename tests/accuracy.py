@@ -4,11 +4,28 @@
     tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
     tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
-docs/results.md, section "Compare two versions of the program", says what is measured and what the columns mean. Needs NumPy; runs from the root of the
-project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
+Needs NumPy; runs from the root of the project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
+After the table come the sensors without a pose, the wrong ones, and those whose status or error changed by more than 3 mm.
 
---guard measures every family of frames, prints one row per family, and compares it with the first program, or with the kept table
-tests/accuracy_kept.json if one program is given. It ends with status 1 if a family is worse. --keep writes the kept table anew.
+Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the folder of frames that are not in the repository):
+- foreign: rigs of another simulator, with and without the network; true poses, after the best rigid motion
+- real: four Azure Kinects, a D415, cartons on a pallet; nothing: residuals and sigmas
+- rendered, physics: --rigs rigs of each kind, seeds from 1000; boxes 3 mm and 0.5 deg off, sizes 1 %; true poses in the nominal frame
+- table: two sensors before cartons on a table; a relative pose from colour images, known to 3 to 5 cm and 0.4 deg
+- places: six sensors, a stack at four placements, and the rig irregular with one and four; true poses
+
+Four figures are median, 90th and 95th percentile and largest; two are median and largest. Columns:
+- in 1, 2 sigmas: percent of the six components of delta within one and two standard deviations
+- squares: delta^T C^-1 delta with the stated covariance C: mean, quantiles, percent beyond the 95 and 99 % quantiles of chi-square with six degrees
+  of freedom (12.6, 16.8). True covariances give a mean of 6, a median of 5.3, and 5 and 1 percent.
+- between, squares between: the same for the relative pose of every two sensors of a rig, with the covariance of their pair
+- RMS: of each sensor's points to the structure. clouds' RMS: of points that two sensors share. of predicted: this RMS over the pair's predicted_rms_m
+
+--guard measures every family, prints one row per family, and compares it with the first program, or with the kept table tests/accuracy_kept.json if one
+program is given. --keep writes the kept table anew. The status is 1 if a family is worse by one of these:
+- its median or 95th percentile grows by more than 3 % (10 % for fewer than 40 sensors)
+- a sensor is lost, wrong, wrong and ok, or ambiguous that was not
+- the share of errors within one or two sigmas moves away from 68 or 95 % by more than 2 points (10 for fewer than 40 sensors)
 """
 
 import argparse

@@ -31,16 +31,17 @@ RIGS = [f"configs/rig_{name}.yaml" for name in ("ring8", "arc8", "ring4", "irreg
 STATUSES = ["ok", "weak", "failed"]
 BEGIN, END = "<!-- measured: written by tests/bench/results_page.py -->\n", "<!-- end of measured -->\n"
 
+# Name, keys of --set-rig, keys of --set; what the page says of them, if not just these.
 SITUATIONS = [
-    ("lens stated", [], []),
-    ("lens not stated", ["state_lens=false"], []),
-    ("not stated; focal lengths and lenses vary by 0.1 %", ["state_lens=false", "lens_spread_percent=0.1"], []),
-    ("not stated; they vary by 1 %", ["state_lens=false", "lens_spread_percent=1"], []),
-    ("the same, one lens for each sensor", ["state_lens=false", "lens_spread_percent=1"], ["refine.lens_per_sensor=true"]),
-    ("not stated, nothing estimated", ["state_lens=false"], ["refine.estimate=none"]),
-    ("boxes exactly in place", ["assembly.position_mm=0"], []),
-    ("the same, nothing estimated", ["assembly.position_mm=0"], ["refine.estimate=none"]),
-    ("only the stack in view", ["room=false"], []),
+    ("lens stated", [], [], ""),
+    ("lens not stated", ["state_lens=false"], [], None),
+    ("devices vary by 0.1 %", ["state_lens=false", "lens_spread_percent=0.1"], [], "also `lens_spread_percent=0.1`"),
+    ("devices vary by 1 %", ["state_lens=false", "lens_spread_percent=1"], [], None),
+    ("one lens for each sensor", ["state_lens=false", "lens_spread_percent=1"], ["refine.lens_per_sensor=true"], "also `--set refine.lens_per_sensor=true`"),
+    ("nothing estimated", ["state_lens=false"], ["refine.estimate=none"], None),
+    ("boxes in place", ["assembly.position_mm=0"], [], None),
+    ("nothing estimated", ["assembly.position_mm=0"], ["refine.estimate=none"], "also `--set refine.estimate=none`"),
+    ("only the stack in view", ["room=false"], [], None),
 ]
 
 
@@ -89,16 +90,23 @@ class Page:
         self.add("\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *("| " + " | ".join(row) + " |" for row in rows)]))
 
 
-def three(statistics, digits):
-    return " / ".join(f"{statistics[key]:.{digits}f}" for key in ("median", "p95", "max"))
-
-
-def percent(share):
-    return f"{100 * share:.0f} %"
+def position(summary, key):
+    """Median / 95th percentile / largest, mm."""
+    return " / ".join(f"{summary[f'{key}_mm'][part]:.1f}" for part in ("median", "p95", "max")) if summary["measured"] else "-"
 
 
 def errors(summary, key):
-    return [three(summary[f"{key}_mm"], 1), three(summary[f"{key}_deg"], 2)] if summary["measured"] else ["-", "-"]
+    """The position's, and median / 95th percentile of the angle, deg."""
+    return [position(summary, key), " / ".join(f"{summary[f'{key}_deg'][part]:.2f}" for part in ("median", "p95")) if summary["measured"] else "-"]
+
+
+def covered(summary):
+    """Percent of the error components within the 68 and the 95 % intervals."""
+    return f"{100 * summary['cover_68']:.0f}, {100 * summary['cover_95']:.0f}"
+
+
+def of_kind(summary, kind):
+    return next(row for row in summary if row["sensor_model"] == kind)
 
 
 def statuses(cases):
@@ -138,17 +146,16 @@ def rendered_rigs(page):
     page.command(f"volalign evaluate --model {MODEL} --rigs {' '.join(RIGS[:3])} \\", f"  {RIGS[3]} --sensors {KINECT} {D415} \\",
                  f"  --seeds {seeds} --set-rig assembly.position_mm=3 -o out/eval")
     page.add(f"""
-{sensors} sensors in {len(cases)} rigs stand in furnished rooms, with sensor noise and the Azure Kinect's lens. The boxes are 3 mm off their places (standard
-deviation along each axis). Errors, median / 95th percentile / largest:""")
-    page.table(["rig", "sensors", "initial, mm", "deg", "refined, mm", "deg"],
-               [[s["rig"], s["sensor_model"], *errors(s, "initial"), *errors(s, "refined")] for s in summary])
-    page.add("""
-Placed sensors, and how often the stated intervals contain the true value:""")
-    page.table(["rig", "sensors", "placed", "weak", "lost", "wrong", "68 %", "95 %", "68 %, as built", "95 %, as built", "as built, mm", "deg"],
-               [[s["rig"], s["sensor_model"], f"{s['placed']} of {s['sensors']}", str(s["weak"]), f"{s['lost']} of {s['fixable']}", str(s["wrong"]),
-                 *(percent(s[key]) for key in ("cover_68", "cover_95", "as_built_cover_68", "as_built_cover_95")), *errors(s, "as_built_refined")]
+{sensors} sensors in {len(cases)} rigs, in furnished rooms, with sensor noise and the Azure Kinect's lens; boxes 3 mm off (standard deviation along each axis). Refined poses:""")
+    by_rig = {}
+    for row in summary:
+        by_rig.setdefault(row["rig"], []).append(row)
+    page.table(["rig", "Azure Kinect, mm", "deg", "D415, mm", "deg"],
+               [[rig, *errors(of_kind(rows, KINECT), "refined"), *errors(of_kind(rows, D415), "refined")] for rig, rows in by_rig.items() if not rig.startswith("all")])
+    page.add("All rigs:")
+    page.table(["sensors", "placed", "weak", "lost", "wrong", "initial, mm", "refined, mm", "deg", "68, 95 %"],
+               [[s["sensor_model"], f"{s['placed']} of {s['sensors']}", str(s["weak"]), str(s["lost"]), str(s["wrong"]), position(s, "initial"), *errors(s, "refined"), covered(s)]
                 for s in summary if s["rig"].startswith("all")])
-    page.add(f"Statuses: {statuses(cases)}.")
     if culprits(cases):
         page.add("Lost or wrong:")
         page.add("\n".join(culprits(cases)))
@@ -161,20 +168,18 @@ def uncertainty(page, cases):
                        if "error" in sensor])
     page.add("### Uncertainty")
     page.add("""
-The share of each error component within one and two standard deviations of the stated covariance. A normal distribution has 68 % and 95 %. The constants of the
-noise model (priors, correlation lengths) were chosen on seeds 1000 to 1005 and 1010 to 1013, some of which are evaluated here.""")
-    page.table(["component", "within one sigma", "within two"],
-               [[name, percent((abs(ratios[:, k]) < 1).mean()), percent((abs(ratios[:, k]) < 2).mean())]
-                for k, name in enumerate(["position x", "position y (up)", "position z", "rotation about x", "about y (the vertical)", "about z"])])
+Percent of each error component within the stated standard deviations. Some of the seeds were also used to choose constants of the noise model.""")
+    rows = [[name, *(", ".join(f"{100 * (abs(ratios[:, k]) < sigmas).mean():.0f}" for k in columns) + " %" for columns in ((0, 1, 2), (3, 4, 5)))]
+            for name, sigmas in (("one sigma (normal: 68 %)", 1), ("two (normal: 95 %)", 2))]
+    page.table(["within", "position x, y (up), z", "rotation about x, y, z"], rows)
 
 
 def what_limits(page):
     page.add("""
 ### What limits accuracy
 
-Depth errors of the [sensor models](sensor-models.md) limit positions, because the structure is only half a metre wide. There is a smooth warp: about 15 mm at 2 m
-for the D415, 1.4 to 5.6 mm for the Kinect. There are a constant of up to 11 mm and multipath, too. A rotation error of 0.1 deg moves a sensor at 2 m by 3.5 mm. Four boxes that
-are each 3 mm off their place also move the frame by 1.5 mm along each axis.""")
+Depth errors of the [sensor models](sensor-models.md) do. At 2 m the smooth warp is about 15 mm (D415) or 1.4 to 5.6 mm (Kinect). A constant and multipath come to it. A
+rotation error of 0.1 deg moves a sensor at 2 m by 3.5 mm. Boxes that are 3 mm off move the frame by 1.5 mm along each axis.""")
 
 
 def estimates(page):
@@ -182,16 +187,16 @@ def estimates(page):
     page.add("### Estimating more than poses")
     page.command(f"volalign evaluate ... --seeds {seeds} --compare refine.estimate=none,auto -o out/estimate")
     page.add("""
-The same rigs. The lower half of the table has worse boxes: 5 mm and 0.5 deg off, and all too large or too small by 1 % (standard deviations; `--set-rig
-assembly.position_mm=5 assembly.yaw_deg=0.5 assembly.size_scale_percent=1`). Refined poses:""")
+The same rigs, and rigs with worse boxes (`--set-rig assembly.position_mm=5 assembly.yaw_deg=0.5 assembly.size_scale_percent=1`). Refined poses:""")
     rows = []
     for name, words, changes in (("3mm", "3 mm", ["assembly.position_mm=3"]),
                                  ("5mm", "5 mm, 0.5 deg, 1 %", ["assembly.position_mm=5", "assembly.yaw_deg=0.5", "assembly.size_scale_percent=1"])):
         summary, _ = page.evaluate(f"estimates_{name}", "--rigs", *RIGS, "--sensors", KINECT, D415, "--seeds", seeds, "--set-rig", *changes,
                                    "--compare", "refine.estimate=none,auto")
-        rows += [[words, s["sensor_model"], s["variant"], *errors(s, "refined")] for s in summary
-                 if s["rig"].startswith("all") and not s["sensor_model"].startswith("all")]
-    page.table(["boxes off by", "sensors", "estimated", "mm", "deg"], rows)
+        for variant in ("none", "auto"):
+            whole = [s for s in summary if s["rig"].startswith("all") and s["variant"] == variant]
+            rows.append([words, variant, *(position(of_kind(whole, kind), "refined") for kind in (KINECT, D415))])
+    page.table(["boxes off by", "estimated", "Azure Kinect, mm", "D415, mm"], rows)
 
 
 def other_frames(page):
@@ -205,10 +210,9 @@ def other_frames(page):
     result = json.loads(result.read_text())["results"][0]
     page.command("VOLALIGN_CAPTURES=FOLDER tests/accuracy.py build/release/cli/volalign --parts foreign,real")
     page.add("""
-- `foreign`: rigs of another simulator with hand-built stacks and known true poses. The rigid motion that fits a rig's poses best to the true ones is taken out.
-- `real`: four Azure Kinects as one rig, a RealSense D415 (both of VCL3D/StructureNet), and cartons on a pallet. Their true poses are not known, so only residuals can
-  be given. No licence permits shipping them.
-- *Between sensors*: RMS distance of the points that two sensors share, median / largest pair.""")
+- `foreign`: rigs of another simulator, compared with the true poses after the best rigid motion.
+- `real`: four Azure Kinects, a D415 (both of VCL3D/StructureNet), and cartons on a pallet. Their true poses are not known. They may not be shipped.
+- *RMS*: of points to the structure, and between two sensors: median / largest.""")
     rows = []
     for name in dict.fromkeys(row["set"] for row in result["sensors"]):
         sensors = [row for row in result["sensors"] if row["set"] == name]
@@ -217,12 +221,11 @@ def other_frames(page):
         some = accuracy.of(right, "mm")
         rows.append([name, f"{sum(accuracy.of(sensors, 'placed'))} of {len(sensors)}", str(sum(row["status"] == "weak" for row in sensors)),
                      str(sum(accuracy.of(sensors, "wrong"))) if some else "-", accuracy.quantiles(some, (0.5, 0.95, 1)),
-                     accuracy.quantiles(accuracy.of(right, "deg"), (0.5, 0.95, 1), 2), accuracy.quantiles(accuracy.of(right, "rms_mm"), (0.5, 1)),
+                     accuracy.quantiles(accuracy.of(right, "deg"), (0.5, 0.95), 2), accuracy.quantiles(accuracy.of(right, "rms_mm"), (0.5, 1)),
                      accuracy.quantiles(clouds, (0.5, 1))])
     page.table(["frames", "placed", "weak", "wrong", "position, mm", "rotation, deg", "to the structure, mm RMS", "between sensors, mm RMS"], rows)
     page.add("""
-Residuals are to the boxes as found. The intrinsics of the real frames are those of another device of the same kind. A longer focal length and larger boxes explain
-the frames about equally well.""")
+The intrinsics of the real frames are those of another device of the same kind.""")
 
 
 def situations(page):
@@ -231,22 +234,17 @@ def situations(page):
     page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml configs/rig_arc8.yaml \\",
                  f"  --sensors {KINECT} --seeds {seeds} [--set-rig ...] [--set ...] -o out/rows")
     page.add("""
-Azure Kinects with their lens; boxes 3 mm off unless the row says otherwise. No constant was chosen on these seeds. Refined poses, median / 95th percentile / largest:""")
-    rows, changes = [], []
-    for number, (name, rig, options) in enumerate(SITUATIONS, 1):
-        rig = ["assembly.position_mm=3", *rig]
-        arguments = ["--rigs", "configs/rig_irregular.yaml", "configs/rig_arc8.yaml", "--sensors", KINECT, "--seeds", seeds, "--set-rig", *rig]
+Azure Kinects with their lens, boxes 3 mm off. *Set*: by `--set-rig`, or by `--set` if it is named; *also*: beside the row above. No constant was chosen on these seeds.""")
+    rows = []
+    for number, (name, rig, options, words) in enumerate(SITUATIONS, 1):
+        arguments = ["--rigs", "configs/rig_irregular.yaml", "configs/rig_arc8.yaml", "--sensors", KINECT, "--seeds", seeds, "--set-rig", "assembly.position_mm=3", *rig]
         summary, cases = page.evaluate(f"situation_{number}", *arguments, *(["--set", *options] if options else []))
-        whole = summary[-1]
-        rows.append([f"{number}. {name}", *errors(whole, "refined"), percent(whole["cover_68"]), percent(whole["cover_95"]), statuses(cases)])
-        named = [f"`{change}`" for change in rig[1:]] + [f"`--set {option}`" for option in options]
-        changes.append(f"- {number}: {', '.join(named)}" if named else "")
-    page.table(["situation", "mm", "deg", "68 %", "95 %", "status"], rows)
-    page.add("Changed by `--set-rig`, or by `--set` if it is named:")
-    page.add("\n".join(filter(None, changes)))
+        if words is None:
+            words = ", ".join([f"`{' '.join(rig)}`"] * bool(rig) + [f"`--set {option}`" for option in options])
+        rows.append([name, words, position(summary[-1], "refined"), covered(summary[-1]), statuses(cases)])
+    page.table(["situation", "set", "mm", "68, 95 %", "status"], rows)
     page.add("""
-If only the stack is in view, up and down look alike. Sensors that are mounted as in training are then placed and `weak`, the others are `failed`, and all have the code
-`ambiguous`. If devices of one kind may differ by a percent, state the intrinsics of each device or set `refine.lens_per_sensor`.""")
+If only the stack is in view, up and down look alike. If devices of one kind may differ by a percent, state the intrinsics of each device or set `refine.lens_per_sensor`.""")
 
 
 def placements(page):
@@ -254,39 +252,44 @@ def placements(page):
     page.add("## Several placements")
     page.command(f"volalign evaluate --model {MODEL} --rigs configs/rig_irregular.yaml --seeds {seeds} --placements 1 2 4 6 -o out/placements")
     page.add("""
-All sensors of a rig are of one kind (`--sensors`). The stack was built up again for each placement, within 0.8 m of the first one, with boxes 3 mm off. No constant was
-chosen on these seeds. Poses are in the frame of the first placement, median / 95th percentile / largest:""")
-    rows = []
+The stack was built up again for each placement, within 0.8 m of the first one, with boxes 3 mm off. No constant was chosen on these seeds. Refined poses in the frame of
+the first placement, by kind (`--sensors`):""")
+    rows = {}
     for kind in (KINECT, D415):
         summary, _ = page.evaluate(f"placements_{kind}", "--rigs", "configs/rig_irregular.yaml", "--sensors", kind, "--seeds", seeds, "--placements", 1, 2, 4, 6,
                                    "--set-rig", "assembly.position_mm=3")
-        rows += [[kind, str(s.get("placements", 1)), *errors(s, "refined"), *errors(s, "as_built_refined"), str(s["weak"]), percent(s["cover_68"]),
-                  percent(s["cover_95"])] for s in summary if s["rig"] == "irregular"]
-    page.table(["sensors", "placements", "refined, mm", "deg", "as built, mm", "deg", "weak", "68 %", "95 %"], rows)
+        for s in summary:
+            if s["rig"] == "irregular":
+                number = str(s.get("placements", 1))
+                rows.setdefault(number, [number]).extend([*errors(s, "refined"), covered(s)])
+    page.table(["placements", "Azure Kinect, mm", "deg", "68, 95 %", "D415, mm", "deg", "68, 95 %"], rows.values())
     page.add("""
-The boxes of the first placement fix the frame. Their error is common to all sensors of a rig, and more placements do not reduce it.""")
+The boxes of the first placement fix the frame. More placements do not reduce their error.""")
 
 
 def without_model(page):
     stacks = page.count(50)
     page.add("## Without a model")
     page.command(f"tests/bench/any_boxes.py build/release/cli/volalign out/boxes --sensors {KINECT} {D415} kinect_v2 kinect_v1 \\",
-                 f"  --first 5000 --stacks {stacks}",
-                 f"tests/bench/any_boxes.py build/release/cli/volalign out/empty --sensors {KINECT} {D415} --first 6000 --stacks {page.count(20)} --empty")
+                 f"  --first 5000 --stacks {stacks}")
     page.add(f"""
-{stacks} random stacks of two to eight boxes, without a network. Half of the boxes are turned by any angle, and all are 3 mm off. A ring of four sensors sees each stack in a
-furnished room. A sensor *sees enough* if it sees two boxes and some floor. Errors are those of sensors that are not wrong; *s* is the time for the initial pose of one sensor.""")
+A ring of four sensors in a furnished room sees {stacks} random stacks of two to eight boxes. Half of the boxes are turned by any angle. A sensor *sees enough* if it sees two
+boxes and some floor. Errors are those of sensors that are not wrong.""")
     kinds = [KINECT, D415, "kinect_v2", "kinect_v1"]
-    page.add(page.run("boxes", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "boxes", "--sensors", *kinds, "--first", 5000,
-                                "--stacks", stacks]))
+    printed = page.run("boxes", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "boxes", "--sensors", *kinds, "--first", 5000,
+                                 "--stacks", stacks])
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in printed.splitlines() if line.startswith("| ")]
+    page.table(["sensors", "placed of those that see enough", "wrong", "initial, mm", "refined, mm"],
+               [[kind, enough, str(int(ok) + int(weak)), initial, refined] for kind, enough, _, ok, weak, initial, refined, _ in rows if kind in kinds])
+    page.add("\n".join(line for line in printed.splitlines() if line.startswith("- ")))
     empty = page.run("empty", [sys.executable, "tests/bench/any_boxes.py", page.program, page.work / "empty", "--sensors", KINECT, D415, "--first", 6000,
                                "--stacks", page.count(20), "--empty"])
     found = collections.Counter()
     for path in (page.work / "empty").glob("*_empty/out/extrinsics.json"):
         for sensor in json.loads(path.read_text())["sensors"].values():
             found[sensor["status"]] += 1
-    page.add(f"In {page.count(20)} of these rooms without the stack (`--empty`), with four sensors of each of the first two kinds, "
-             + ", ".join(f"{found[status]} are `{status}`" for status in STATUSES) + ".")
+    page.add(f"In {page.count(20)} rooms without the stack (`--empty`, first two kinds, from 6000): "
+             + ", ".join(f"{found[status]} `{status}`" for status in STATUSES) + ".")
     page.add("\n".join(line for line in empty.splitlines() if line.startswith("- ")))
 
 

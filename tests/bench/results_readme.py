@@ -36,26 +36,27 @@ def two(cell):
 
 def accuracy(page):
     """The part of the README between BEGIN and END, by the text of docs/results.md."""
-    errors, placed = tables_of(page, "Rendered rigs")[:2]
+    placed = tables_of(page, "Rendered rigs")[1]
     placements = tables_of(page, "Several placements")[0]
     version = re.search(r"Every number is of `(.*)`", page).group(1)
     share = re.search(r"results_page\.py \S+ --share (\S+)", page)
     rows = []
     for name, kind in (("Azure Kinect (NFOV binned)", KINECT), ("RealSense D415", D415)):
-        row, counts = (row_of(table, rig="all rigs", sensors=kind) for table in (errors, placed))
-        number = counts["placed"].split(" of ")[1]
-        rows.append([name, two(row["refined, mm"]), two(row["deg 2"]),
+        row = row_of(placed, sensors=kind)
+        number = row["placed"].split(" of ")[1]
+        rows.append([name, two(row["refined, mm"]), row["deg"],
                      f"{number} rendered sensors in rigs of 4 or 8 about 2 m from the stack, sensor noise, furnished rooms, boxes 3 mm off their places"])
-    four = row_of(placements, sensors=KINECT, placements="4")
-    rows.append(["Azure Kinect, four placements of the stack", two(four["refined, mm"]), two(four["deg"]), "rendered, a rig of 8"])
+    four = row_of(placements, placements="4")
+    rows.append(["Azure Kinect, four placements of the stack", two(four["Azure Kinect, mm"]), four["deg"], "rendered, a rig of 8"])
     frames = tables_of(page, "Frames that volalign did not render")
     for name, kind in (("Azure Kinect, real", "real kinects, model"), ("RealSense D415, real", "real d415, model")) if frames else ():
         row = row_of(frames[0], frames=kind)
         between = row["between sensors, mm RMS"]
         rows.append([name, "no ground truth", "", f"{row['placed']} placed, {row['weak']} of them `weak`: {row['to the structure, mm RMS']} mm RMS (median / largest) "
                      "from the points to the stack" + ("" if between == "-" else f", {between} mm between two sensors")])
-    every = row_of(placed, rig="all rigs", sensors="all")
-    lost, sensors = every["lost"].split(" of ")[0], every["placed"].split(" of ")[1]
+    every = row_of(placed, sensors="all")
+    sensors = every["placed"].split(" of ")[1]
+    one, both = every["68, 95 %"].split(", ")
     return f"""
 Errors of the refined poses, median / 95th percentile, of `{version}`{f", with a share of {share.group(1)} of the rigs" if share else ""}.
 [docs/results.md](docs/results.md) has the command, and much else.
@@ -63,7 +64,7 @@ Errors of the refined poses, median / 95th percentile, of `{version}`{f", with a
 | sensors | position, mm | rotation, deg | measured on |
 |---|---|---|---|
 """ + "".join("| " + " | ".join(row) + " |\n" for row in rows) + f"""
-{lost} of the {sensors} rendered sensors were lost, {every['wrong']} were placed wrongly, and {every['weak']} were reported as `weak`. {every['68 %']} of the 68 % intervals and {every['95 %']} of
+{every['lost']} of the {sensors} rendered sensors were lost, {every['wrong']} were placed wrongly, and {every['weak']} were reported as `weak`. {one} % of the 68 % intervals and {both} % of
 the 95 % intervals hold the true value.
 
 """

@@ -18,10 +18,10 @@ subprocess.run(["build/release/cli/volalign", *command, "-o", "build/long/evalua
 evaluation = json.load(open("build/long/evaluation/evaluation.json"))
 failed = False
 for kind in ("azure_kinect_nfov_binned", "realsense_d415"):
-    errors_row, placed_row = ([cell.strip() for cell in row.split("|")] for row in re.findall(rf"^\| all rigs \| {kind} \|.*$", page, re.MULTILINE))
-    median, p95, _ = map(float, errors_row[5].split("/"))
-    placed = int(placed_row[3].split()[0])
-    shares = [float(placed_row[column].split()[0]) / 100 for column in (7, 8)]
+    row = [cell.strip() for cell in re.search(rf"^\| {kind} \|.*$", page, re.MULTILINE)[0].strip("|").split("|")]
+    median, p95, _ = map(float, row[6].split("/"))
+    placed = int(row[1].split()[0])
+    shares = [float(share) / 100 for share in row[8].split(",")]
     errors = [1000 * sensor["error"]["refined"]["translation_m"] for case in evaluation["cases"] if case["sensor_model"] == kind
               for sensor in case["sensors"] if "refined" in sensor.get("error", {})]
     rows = [row for row in evaluation["summary"] if row["sensor_model"] == kind]
