@@ -63,24 +63,4 @@ SegmentationResult LabelsFromPose(const SensorView& view, const Structure& struc
   return result;
 }
 
-ShapeIou MeasureShapeIou(const SensorView& view, const SegmentationResult& segmentation,
-                         const Structure& structure, const Pose& structure_from_sensor,
-                         double min_confidence) {
-  const ExpectedView expected = CastView(structure, view.rays, structure_from_sensor);
-  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
-  ShapeIou iou;
-  view.VisitMeasured(1, [&](int u, int v) {
-    const double measured = view.depth(u, v), expected_m = expected.depth(u, v);
-    const bool labelled =
-        segmentation.labels(u, v) > 0 && segmentation.confidence(u, v) >= min_confidence;
-    const bool near =
-        (expected_m > 0 || labelled) &&
-        DistanceToSurface(structure, structure_from_sensor * view.Point(u, v)).distance <=
-            tolerance(measured);
-    if (expected_m > 0 && near) ++iou.both;
-    if (labelled || (expected_m > 0 && (near || measured > expected_m))) ++iou.either;
-  });
-  return iou;
-}
-
 }  // namespace volalign

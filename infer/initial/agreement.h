@@ -40,22 +40,4 @@ SegmentationResult LabelsFromPose(const SensorView& view, const Structure& struc
                                   const Pose& structure_from_sensor,
                                   const SurfaceTolerance& tolerance);
 
-/// How far the shape of what was seen is the structure's: pixels of one view that belong to a
-/// structure at a pose, by depth. Which side a label names does not matter; labels only tell the
-/// structure from the room.
-struct ShapeIou {
-  int both = 0;    ///< the structure is seen there, and its surface was measured
-  int either = 0;  ///< the structure is seen and not hidden there, or a side was labelled
-  double ratio() const { return either > 0 ? static_cast<double>(both) / either : 0; }
-  /// Of several views together.
-  ShapeIou& operator+=(const ShapeIou& other) {
-    both += other.both;
-    either += other.either;
-    return *this;
-  }
-};
-ShapeIou MeasureShapeIou(const SensorView& view, const SegmentationResult& segmentation,
-                         const Structure& structure, const Pose& structure_from_sensor,
-                         double min_confidence);
-
 }  // namespace volalign

@@ -323,24 +323,6 @@ TEST(LabelsFromPose, NamesTheSideThatWasMeasured) {
   }
 }
 
-TEST(MeasureShapeIou, CountsPixels) {
-  // What is measured on the left: the face, a hole, something in front and something behind. On the
-  // right, a label without a structure.
-  DepthImage depth(20, 10, 3.0f);
-  LabelImage labels(20, 10, 0);
-  for (int v = 0; v < 10; ++v) {
-    for (int u = 0; u < 10; ++u) depth(u, v) = 1.01f;
-    depth(0, v) = 0;
-    depth(1, v) = 0.5f;
-    depth(2, v) = 1.5f;
-    labels(15, v) = 1;
-  }
-  const ShapeIou iou = MeasureShapeIou(MakeSensorView(depth, Coarse()), Certain(labels), LeftBox(),
-                                       Pose::Identity(), 0.5);
-  EXPECT_EQ(iou.both, 70);
-  EXPECT_EQ(iou.either, 90);
-}
-
 }  // namespace
 }  // namespace volalign::agreement_test
 
