@@ -51,15 +51,16 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   if (!sensor.structure_from_sensor) return;
   ar.IfFinite("initial", sensor.initial);
   ar.Later("initial_source", sensor.initial_source);
-  if constexpr (Archive::kReading) {  // of earlier files, which could keep the initial pose
-    std::string dropped;
-    ar.Optional("refinement", dropped);
+  if constexpr (Archive::kReading) {  // of earlier files
+    std::string refinement;
+    double rms = 0;
+    ar.Optional("refinement", refinement);
+    ar.IfFinite("rms_together_m", rms);
+    ar.IfFinite("rms_alone_m", rms);
   }
   ar.Optional("together", sensor.together);
   ar.Optional("disagrees_with", sensor.disagrees_with);
   ar.IfFinite("disagreement", sensor.disagreement);
-  ar.IfFinite("rms_together_m", sensor.rms_together_m);
-  ar.IfFinite("rms_alone_m", sensor.rms_alone_m);
   ar("sides", sensor.sides);
   ar("points", sensor.points);
   ar.IfFinite("rms_to_structure_m", sensor.rms_to_structure_m);

@@ -31,8 +31,6 @@ void TakeRefinement(const RefinedFrame& refined, const Pose& initial, FrameResul
   sensor->initial = initial;
   if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
   sensor->disagreement = refined.disagreement;
-  sensor->rms_together_m = refined.rms_together;
-  sensor->rms_alone_m = refined.rms_alone;
   sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;
   sensor->depth_offset_m = refined.depth_offset;

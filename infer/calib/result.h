@@ -42,12 +42,8 @@ struct SensorOutcome : Finding, PoseQuality {
   /// counts, structure_from_sensor, is then its own pose.
   std::optional<Pose> together;
   std::vector<std::string> disagrees_with;  ///< the sensors that show it, the clearest first
-  /// Half the square, in standard deviations, of how far what it measured is from the joint
-  /// solution (of one that disagrees, the one with it).
+  /// RefinedFrame::disagreement.
   double disagreement = 0;
-  /// RMS by which what it measured of the sides is off: at the joint solution, and at the one that
-  /// fits it alone; without what single pixels are off. Zero where overlap alone holds the sensor.
-  double rms_together_m = 0, rms_alone_m = 0;
   double initial_rms_to_structure_m = 0;
   Matrix6d covariance = Matrix6d::Zero();
   /// True depth = measured depth * depth_gain + depth_offset_m; 1 and 0 where the capture does not

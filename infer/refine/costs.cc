@@ -1,6 +1,7 @@
 #include "infer/refine/costs.h"
 
 #include <ceres/autodiff_cost_function.h>
+#include <ceres/loss_function.h>
 #include <ceres/normal_prior.h>
 
 #include <Eigen/Eigenvalues>
@@ -15,7 +16,11 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr double kLossScale = 2;  // standard deviations, where Cauchy's loss bends
+/// Of matches, standard deviations.
+const ceres::LossFunction& RobustLoss() {
+  static const ceres::CauchyLoss loss(2);
+  return loss;
+}
 
 using Row7 = Eigen::Matrix<double, 1, 7>;
 
@@ -156,17 +161,18 @@ double PointToPlane(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Ei
 }
 
 RobustResidual MakeRobust(double residual, double share) {
-  const double x = residual * residual / (kLossScale * kLossScale);
-  const double loss = x > 0 ? std::log1p(x) / x : 1;  // as a share of the square
-  return {residual * std::sqrt(share * loss), std::sqrt(share / loss) / (1 + x)};
+  const double square = residual * residual;
+  std::array<double, 3> loss{};  // and its derivatives by the square
+  RobustLoss().Evaluate(square, loss.data());
+  const double root = square > 1e-8 ? std::sqrt(loss[0] / square) : 1;
+  return {residual * std::sqrt(share) * root, std::sqrt(share) * loss[1] / root};
 }
 
 MeasuredOverlapCost::MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share,
                                          bool shared)
     : matches_(std::move(matches)), share_(share), shared_(shared) {
   set_num_residuals(static_cast<int>(matches_.size()));
-  *mutable_parameter_block_sizes() = {
-      7, 7, 1, 1, 1, 1, 1, 1, kFrameErrors, kFrameErrors, kLensParameters};
+  *mutable_parameter_block_sizes() = {7, 7, 1, 1, kSensorErrors, kSensorErrors, kLensParameters};
   if (!shared) mutable_parameter_block_sizes()->push_back(kLensParameters);
 }
 
@@ -174,7 +180,7 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
                                    double** jacobians) const {
   const std::vector<std::int32_t>& sizes = parameter_block_sizes();
   for (std::size_t i = 0; i < matches_.size(); ++i) {
-    std::array<double*, 12> rows{};  // of the Jacobians
+    std::array<double*, 8> rows{};  // of the Jacobians
     for (std::size_t k = 0; jacobians && k < sizes.size(); ++k) {
       if (jacobians[k]) rows[k] = jacobians[k] + i * static_cast<std::size_t>(sizes[k]);
     }
@@ -190,18 +196,16 @@ bool MeasuredOverlapCost::Evaluate(double const* const* parameters, double* resi
 
 void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const* const* parameters,
                                         double* residual, double** jacobians) const {
-  constexpr int kOffset = 2, kGain = kOffset + 2, kFocal = kGain + 2, kErrors = kFocal + 2,
-                kLens = kErrors + 2;  // of a; those of b follow
+  constexpr int kOffset = 2, kErrors = kOffset + 2, kLens = kErrors + 2;  // of a; those of b follow
   const int lens_b = shared_ ? kLens : kLens + 1;
-  const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], *parameters[kFocal]),
-                        seen_b = match.b.Through(parameters[lens_b], *parameters[kFocal + 1]);
-  const auto corrected = [&](const LensPoint& point, const Eigen::Vector3d& seen, int b) {
-    const double more =
-        point.by_errors.dot(Eigen::Map<const FrameErrorVector>(parameters[kErrors + b]));
-    return Corrected(seen, parameters[kGain + b][0], parameters[kOffset + b][0] + more);
-  };
-  const Eigen::Vector3d p = corrected(match.a, seen_a, 0), q = corrected(match.b, seen_b, 1);
-  const double gain = 1 + (parameters[kGain][0] + parameters[kGain + 1][0]) / 2;
+  const Eigen::Map<const SensorErrorVector> errors_a(parameters[kErrors]),
+      errors_b(parameters[kErrors + 1]);
+  const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], errors_a[kFocal]),
+                        seen_b = match.b.Through(parameters[lens_b], errors_b[kFocal]);
+  const Eigen::Vector3d
+      p = Corrected(seen_a, 0, *parameters[kOffset] + match.a.by_errors.dot(errors_a)),
+      q = Corrected(seen_b, 0, *parameters[kOffset + 1] + match.b.by_errors.dot(errors_b));
+  const double gain = 1 + (errors_a[kGain] + errors_b[kGain]) / 2;
   const double weight = match.weight / gain;
   *residual = PointToPlane(p, q, match.n_b, weight, parameters, jacobians);
   if (!jacobians) return;
@@ -211,11 +215,13 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
                        const Eigen::Vector3d& seen, double true_depth, int b, int lens) {
     const double by_offset = by_point.dot(seen) / seen.z();
     if (jacobians[kOffset + b]) jacobians[kOffset + b][0] = by_offset;
-    if (jacobians[kErrors + b])
-      Eigen::Map<FrameErrorVector>{jacobians[kErrors + b]} = by_offset * point.by_errors;
-    if (jacobians[kGain + b]) jacobians[kGain + b][0] = by_point.dot(seen) - *residual / (2 * gain);
     const Eigen::RowVector3d by_lens = true_depth * by_point.head<2>() * point.by_lens;
-    if (jacobians[kFocal + b]) jacobians[kFocal + b][0] = by_lens[0];
+    if (jacobians[kErrors + b]) {
+      Eigen::Map<SensorErrorVector> of_errors(jacobians[kErrors + b]);
+      of_errors = by_offset * point.by_errors;
+      of_errors[kGain] -= *residual / (2 * gain);
+      of_errors[kFocal] = by_lens[0];
+    }
     if (!jacobians[lens]) return;
     Eigen::Map<Eigen::RowVector3d> of_lens(jacobians[lens]);
     if (!shared_) of_lens.setZero();

@@ -9,10 +9,10 @@
 #include <cmath>
 #include <vector>
 
-#include "core/geometry/frame_errors.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
+#include "infer/refine/parameters.h"
 #include "infer/refine/pose_block.h"
 
 namespace volalign::refine_internal {
@@ -28,7 +28,7 @@ struct LensPoint {
   Eigen::Vector3d p;
   RayByLensMatrix by_lens;
   LensChange lens;                                        ///< with which p was measured
-  FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt
+  SensorErrorVector by_errors = SensorErrorVector::Zero();  ///< see FaceObservation
 
   /// Where it is when the lens is another, and the sensor's own focal length (see State).
   Eigen::Vector3d Through(const double* change, double focal) const {
@@ -56,9 +56,8 @@ struct MeasuredMatch {
 
 /// MakeRobust, for matches that say less than as many independent ones would, of the distances
 /// of points from planes as the sensors' own errors have them, divided by the mean of the gains
-/// (see Residuals). Parameters: the poses of a and b, their depth offsets, their depth gains - 1
-/// (see Corrected), their own focal lengths, the errors of the frames, and their lenses, a single
-/// one where `shared`. Normals stay as they were measured.
+/// (see Residuals). Parameters: the poses of a and b, their depth offsets, the errors of their
+/// sensors, and their lenses, a single one where `shared`. Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
   MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share, bool shared);

@@ -1,195 +1,127 @@
 #include "infer/refine/disagreement.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 #include <utility>
 #include <vector>
 
 #include "core/base/parallel_for.h"
+#include "core/base/statistics.h"
 #include "core/geometry/factor.h"
-#include "infer/refine/prior_scales.h"
 #include "infer/refine/residuals.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
-/// How often as much as chance makes it in one of a thousand a disagreement may cost. Noise models
-/// are not exact: of rendered sensors that are as they should be, a few reach 1.7 times as much. A
-/// focal length that is 6 % off makes 2.2 to 3.2 times as much (the test Disagrees).
-constexpr double kMostOften = 2;
-/// m: where measurements lie so much farther off than by themselves, chance is enough.
-constexpr double kMostRise = 0.0015;
 constexpr double kShownBy = 0.5;  // share of the largest contradiction
-
-/// What a frame's own measurements say, linearised about a solution: 0.5 |r + j s|^2 in standard
-/// deviations, s the step of its parameters in the order of FrameColumns, but with 6 of the pose.
-struct OwnMeasurements {
-  Eigen::MatrixXd j;  // columns of what is held are zero
-  Eigen::VectorXd r;
-  Eigen::VectorXd precisions;  // of the priors
-  Eigen::VectorXd values;      // by which parameters differ from the priors' means; 0 of the held
-  Eigen::VectorXd faces;       // residuals of faces, m
-  Eigen::MatrixXd by_faces;    // their derivatives
-  /// Times residuals of faces: of these, what bulges of sides do not explain.
-  Eigen::MatrixXd unexplained;
-};
-
-/// Columns of what the frames of a still have in common: the size and the boxes.
-constexpr Eigen::Index kShared = FrameColumns::kSize - 1;
-
-OwnMeasurements Linearise(const JointProblem& problem, const Solution& solution,
-                          const FreeSet& asked_for, std::size_t frame) {
-  const FrameObservations& observed = solution.observed[frame];
-  FrameParameters parameters = solution.state.Parameters(frame);
-  const BuildSize build = problem.model.size();
-  const std::vector<double> flat(static_cast<std::size_t>(build.sides), 0);
-  parameters.build.bulges = flat.data();
-  const auto faces = static_cast<Eigen::Index>(observed.faces.size());
-  const auto edges = static_cast<Eigen::Index>(observed.edges.size());
-  Eigen::VectorXd r;
-  Eigen::MatrixXd over_blocks;
-  Residuals(problem.model, observed, parameters, &r, &over_blocks);
-  const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
-  OwnMeasurements own;
-  own.faces = r.head(faces);
-  own.by_faces = j.topRows(faces);
-  own.r.resize(r.size());
-  own.j.resize(j.rows(), j.cols());
-  const Eigen::MatrixXd errors = problem.priors.bulge * own.by_faces.rightCols(build.sides);
-  const Eigen::MatrixXd random = observed.face_root * observed.face_root.transpose();
-  const std::optional<CholeskyFactor> factor = Factor(random + errors * errors.transpose());
-  const Eigen::MatrixXd face_lower = factor ? Eigen::MatrixXd(factor->matrixL())
-                                            : Eigen::MatrixXd::Constant(faces, faces, std::nan(""));
-  if (factor) own.unexplained = factor->solve(random).transpose();
-  const auto face_root = face_lower.triangularView<Eigen::Lower>();
-  const auto edge_root = observed.edge_root.triangularView<Eigen::Lower>();
-  own.r << face_root.solve(r.head(faces)), edge_root.solve(r.tail(edges));
-  own.j << face_root.solve(j.topRows(faces)), edge_root.solve(j.bottomRows(edges));
-
-  own.precisions.resize(j.cols());
-  own.precisions << Eigen::VectorXd::Constant(6, kPoseSigma),
-      SharedPriorSigmas(problem.PriorsOf(frame), observed.noise.depth, build).unaryExpr(&Positive);
-  own.precisions = own.precisions.cwiseAbs2().cwiseInverse().eval();
-  own.values = Eigen::VectorXd::Zero(j.cols());
-  own.values.tail(j.cols() - 6) = SharedValues(parameters, build);
-
-  // What is not to be estimated stays where it is.
-  const ParameterLayout& layout = problem.layout;
-  const std::vector<char> constant = layout.Constant(asked_for);
-  const auto hold = [&](Eigen::Index first, Eigen::Index column, Eigen::Index count) {
-    for (Eigen::Index k = 0; k < count; ++k) {
-      if (!constant[static_cast<std::size_t>(first + k)]) continue;
-      own.j.col(column + k).setZero();
-      own.values[column + k] = 0;
-    }
-  };
-  const auto in_tangent = [](Eigen::Index column) { return column - 1; };  // of a pose: 6, not 7
-  hold(layout.Offset(frame), in_tangent(FrameColumns::kOffset), 1);
-  hold(layout.Gain(frame), in_tangent(FrameColumns::kGain), 1);
-  hold(layout.Focal(frame), in_tangent(FrameColumns::kFocal), 1);
-  hold(layout.Nuisance(frame, 0), in_tangent(FrameColumns::kNuisance), kNuisances);
-  hold(layout.Lens(solution.state.LensOf(frame)), in_tangent(FrameColumns::kLens), kLensParameters);
-  hold(layout.Size(), kShared, 1);
-  hold(layout.Boxes(solution.state.StillOf(frame)), in_tangent(FrameColumns::kBoxes),
-       Eigen::Index{3} * build.boxes);
-  own.j.rightCols(build.sides).setZero();
-  return own;
-}
-
-bool HasFaces(const Solution& solution, std::size_t frame) {
-  return !solution.observed[frame].faces.empty();
-}
-
-/// 0.5 s' information s + gradient' s, of what frames share, all else being at its best.
-struct SharedCost {
-  Eigen::MatrixXd information;
-  Eigen::VectorXd gradient;
-
-  /// With the priors: the least of it, below its value at the solution. Nothing where there is
-  /// none.
-  std::optional<double> Gain(const Eigen::VectorXd& precisions,
-                             const Eigen::VectorXd& values) const {
-    Eigen::MatrixXd h = information;
-    h.diagonal() += precisions;
-    const Eigen::VectorXd g = gradient + precisions.cwiseProduct(values);
-    const std::optional<CholeskyFactor> factor = Factor(h);
-    if (!factor || !g.allFinite()) return std::nullopt;
-    return 0.5 * g.dot(factor->solve(g));
-  }
-};
-std::optional<SharedCost> CostOfShared(const OwnMeasurements& own) {
-  const Eigen::MatrixXd h = own.j.transpose() * own.j;
-  const Eigen::VectorXd g = own.j.transpose() * own.r;
-  Eigen::MatrixXd inner = h.topLeftCorner(kShared, kShared);
-  inner.diagonal() += own.precisions.head(kShared);
-  const Eigen::VectorXd inner_g =
-      g.head(kShared) + own.precisions.head(kShared).cwiseProduct(own.values.head(kShared));
-  const Eigen::Index shared = h.rows() - kShared;
-  const Eigen::MatrixXd cross = h.topRightCorner(kShared, shared);
-  const std::optional<CholeskyFactor> factor = Factor(inner);
-  if (!factor) return std::nullopt;
-  return SharedCost{h.bottomRightCorner(shared, shared) - cross.transpose() * factor->solve(cross),
-                    g.tail(shared) - cross.transpose() * factor->solve(inner_g)};
-}
+/// A direction in which a frame's measurements are this many times less exact than the prior tells
+/// nothing; one that the prediction leaves open by so many standard deviations of them is not
+/// predicted.
+constexpr double kUntold = 5, kUnpredicted = 100;
+/// Share of a prior's precision from which on something else is known, too.
+constexpr double kMoreThanPrior = 1 + 1e-9;
+/// By what noise models may understate variances. Four real Kinects: 2.8; simulated ones 0.4 to
+/// 1.4.
+constexpr double kMostVarianceFactor = 3;
 
 }  // namespace
 
-Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 const FreeSet& asked_for, std::size_t frame) {
-  if (!HasFaces(solution, frame)) return {};
-  const OwnMeasurements own = Linearise(problem, solution, asked_for, frame);
-  Eigen::MatrixXd h = own.j.transpose() * own.j;
-  h.diagonal() += own.precisions;
-  const Eigen::VectorXd g = own.j.transpose() * own.r + own.precisions.cwiseProduct(own.values);
-  const std::optional<CholeskyFactor> factor = Factor(h);
-  if (!factor || !g.allFinite()) return {};
-  const Eigen::VectorXd step = -factor->solve(g);
-  const auto rms = [](const Eigen::VectorXd& of) {
-    return std::sqrt(of.squaredNorm() / static_cast<double>(of.size()));
+OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
+                               std::size_t frame) {
+  const FrameParameters parameters = solution.state.Parameters(frame);
+  OwnMeasurements own{problem.layout.ColumnsOf(frame), {}, {}};
+  std::vector<Eigen::Index> all(
+      static_cast<std::size_t>(FrameColumns::kBoxes + problem.model.size().parameters()));
+  std::iota(all.begin(), all.end(), 0);
+  Eigen::VectorXd r;
+  Eigen::MatrixXd over_blocks;
+  WhitenedResiduals(problem.model, solution.observed[frame], parameters, all, &r, &over_blocks);
+  const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
+  own.information = j.transpose() * j;
+  own.gradient = j.transpose() * r;
+  return own;
+}
+
+Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predicted,
+                        const QuadraticCost& priors, const std::vector<char>& constant) {
+  const auto precision = [&](Eigen::Index column) {
+    return 1 / Square(priors.prior_sigmas[column]);
   };
-  const Matrix6d covariance =
-      factor->solve(Eigen::MatrixXd::Identity(h.rows(), h.cols())).topLeftCorner<6, 6>();
-  return {-0.5 * g.dot(step), rms(own.unexplained * own.faces),
-          rms(own.unexplained * (own.faces + own.by_faces * step)), covariance};
-}
-
-double MeasureContradiction(const JointProblem& problem, const Solution& solution,
-                            const FreeSet& asked_for, std::size_t a, std::size_t b) {
-  if (!HasFaces(solution, a) || !HasFaces(solution, b)) return 0;
-  const OwnMeasurements of_a = Linearise(problem, solution, asked_for, a);
-  const std::optional<SharedCost> cost_a = CostOfShared(of_a);
-  const std::optional<SharedCost> cost_b = CostOfShared(Linearise(problem, solution, asked_for, b));
-  if (!cost_a || !cost_b) return 0;
-  const Eigen::Index shared = cost_a->gradient.size();
-  const Eigen::VectorXd precisions = of_a.precisions.tail(shared);
-  const Eigen::VectorXd values = of_a.values.tail(shared);
-  const SharedCost both{cost_a->information + cost_b->information,
-                        cost_a->gradient + cost_b->gradient};
-  const SharedCost none{Eigen::MatrixXd::Zero(shared, shared), Eigen::VectorXd::Zero(shared)};
-  double cost = 0;
-  for (const auto& [of, sign] : {std::pair(&*cost_a, 1), std::pair(&*cost_b, 1),
-                                 std::pair(&both, -1), std::pair(&none, -1)}) {
-    const std::optional<double> gain = of->Gain(precisions, values);
-    if (!gain) return 0;
-    cost += sign * *gain;
+  // Indices among the frame's columns: of what others tell something of, and of what is its own.
+  std::vector<Eigen::Index> shared, alone;
+  for (std::size_t k = 0; k < own.columns.size(); ++k) {
+    const Eigen::Index column = own.columns[k];
+    if (constant[static_cast<std::size_t>(column)]) continue;
+    const bool told = predicted.information(column, column) > kMoreThanPrior * precision(column);
+    (told ? shared : alone).push_back(static_cast<Eigen::Index>(k));
   }
-  return cost;
+  std::vector<Eigen::Index> free;
+  for (Eigen::Index k = 0; k < predicted.gradient.size(); ++k) {
+    if (!constant[static_cast<std::size_t>(k)]) free.push_back(k);
+  }
+  // What the frame says of what is shared, the rest being as is most probable.
+  Eigen::MatrixXd rest = own.information(alone, alone);
+  Eigen::VectorXd pull = own.gradient(alone);
+  for (std::size_t k = 0; k < alone.size(); ++k) {
+    const Eigen::Index column = own.columns[static_cast<std::size_t>(alone[k])];
+    const auto i = static_cast<Eigen::Index>(k);
+    rest(i, i) += precision(column);
+    pull[i] += precision(column) * priors.values[column];
+  }
+  const std::optional<CholeskyFactor> rest_factor = Factor(rest),
+                                      factor = Factor(predicted.information(free, free));
+  if (!rest_factor || !factor || shared.empty()) return {};
+  const Eigen::MatrixXd cross = own.information(alone, shared);
+  std::vector<Eigen::Index> columns;
+  for (const Eigen::Index k : shared) columns.push_back(own.columns[static_cast<std::size_t>(k)]);
+  const Eigen::VectorXd unit = priors.prior_sigmas(columns);
+  const Eigen::MatrixXd information =
+      unit.asDiagonal() *
+      (own.information(shared, shared) - cross.transpose() * rest_factor->solve(cross)) *
+      unit.asDiagonal();
+  const Eigen::VectorXd gradient = unit.cwiseProduct(
+      own.gradient(shared) - cross.transpose() * Eigen::VectorXd(rest_factor->solve(pull)));
+  if (!information.allFinite() || !gradient.allFinite()) return {};
+  // Along the eigenvectors the frame measures independent numbers, each with a variance of 1.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
+  const Eigen::Index told = (solver.eigenvalues().array() > 1 / Square(kUntold)).count();
+  if (told == 0) return {};
+  const Eigen::VectorXd roots = solver.eigenvalues().tail(told).cwiseSqrt();
+  const Eigen::MatrixXd vectors = solver.eigenvectors().rightCols(told);
+  Eigen::MatrixXd by_all = Eigen::MatrixXd::Zero(told, predicted.gradient.size());
+  by_all(Eigen::all, columns) =
+      roots.asDiagonal() * vectors.transpose() * unit.cwiseInverse().asDiagonal();
+  const Eigen::MatrixXd by = by_all(Eigen::all, free);
+  const Eigen::VectorXd innovation =
+      roots.cwiseInverse().asDiagonal() * (vectors.transpose() * gradient) -
+      by * factor->solve(Eigen::VectorXd(predicted.gradient(free)));
+  // In directions in which the errors of the prediction are independent.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> directions(
+      by * factor->solve(Eigen::MatrixXd(by.transpose())));
+  const Eigen::VectorXd off = directions.eigenvectors().transpose() * innovation;
+  Disagreement disagreement;
+  for (Eigen::Index k = 0; k < told; ++k) {
+    const double variance = std::max(0.0, directions.eigenvalues()[k]);
+    if (!(variance < Square(kUnpredicted))) continue;
+    disagreement.cost += 0.5 * off[k] * off[k] / (1 + variance);
+    ++disagreement.predicted;
+  }
+  return std::isfinite(disagreement.cost) ? disagreement : Disagreement();
 }
 
-double UnlikelyCost(std::size_t unknowns) {
+double UnlikelyCost(std::size_t predicted) {
   constexpr double kNormal = 3.0902;  // of a standard normal variable, in one of a thousand
-  const double spread = 2 / (9 * static_cast<double>(unknowns));
-  return 0.5 * static_cast<double>(unknowns) *
+  const double spread = 2 / (9 * static_cast<double>(predicted));
+  return 0.5 * static_cast<double>(predicted) *
          std::pow(1 - spread + kNormal * std::sqrt(spread), 3);
 }
 
-bool Disagrees(const Disagreement& disagreement, std::size_t unknowns) {
-  if (unknowns == 0) return false;
-  const double unlikely = UnlikelyCost(unknowns);
-  const double rise = disagreement.rms_together - disagreement.rms_alone;
-  return disagreement.cost > (rise > kMostRise ? unlikely : kMostOften * unlikely);
+bool Disagrees(const Disagreement& disagreement) {
+  return disagreement.predicted > 0 && disagreement.cost > UnlikelyCost(disagreement.predicted);
 }
 
 namespace {
@@ -201,35 +133,75 @@ FreeSet WithBuild(const JointProblem& problem, FreeSet free) {
   return free;
 }
 
-/// What frames of one still have in common: three of each box, and the size.
-std::size_t CountShared(const JointProblem& problem, const FreeSet& free) {
-  return (free.boxes ? 3 * problem.layout.boxes() : 0) + (free.size ? 1 : 0);
+/// A solution's cost with whole priors, and each frame's own part in it.
+struct CostByFrame {
+  CostByFrame(const JointProblem& problem, const Solution& solution, const FreeSet& asked_for)
+      : all(CostAround(problem, solution)),
+        constant(problem.layout.Constant(asked_for)),
+        own(problem.size()) {
+    ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+      if (!solution.held[i] && !solution.observed[i].faces.empty())
+        own[i] = MeasurementsOf(problem, solution, i);
+    });
+  }
+  /// Of a frame, as all others predict what it measures.
+  Disagreement Of(std::size_t frame) const {
+    if (!own[frame]) return {};
+    NormalEquations others = all.normal;
+    Add(*own[frame], -1, &others);
+    return Innovation(*own[frame], others, all, constant);
+  }
+  /// Of a frame, as another one predicts it.
+  Disagreement Of(std::size_t frame, std::size_t by) const {
+    if (!own[frame] || !own[by]) return {};
+    const Eigen::VectorXd precisions = all.prior_sigmas.cwiseAbs2().cwiseInverse();
+    NormalEquations other{precisions.asDiagonal(), precisions.cwiseProduct(all.values)};
+    Add(*own[by], 1, &other);
+    return Innovation(*own[frame], other, all, constant);
+  }
+  static void Add(const OwnMeasurements& own, double times, NormalEquations* normal) {
+    normal->information(own.columns, own.columns) += times * own.information;
+    normal->gradient(own.columns) += times * own.gradient;
+  }
+
+  QuadraticCost all;
+  std::vector<char> constant;
+  std::vector<std::optional<OwnMeasurements>> own;  // nothing of one without faces
+};
+
+/// Divides the costs by the variance factor of all frames: by how much the median frame is farther
+/// off than its noise model expects (Pope, "The Statistics of Residuals and the Detection of
+/// Outliers", 1976, by the median).
+void ScaleByVarianceFactor(std::vector<Disagreement>* measured) {
+  std::vector<double> factors;
+  for (const Disagreement& of : *measured) {
+    if (of.predicted > 0) factors.push_back(2 * of.cost / static_cast<double>(of.predicted));
+  }
+  if (factors.empty()) return;
+  const double factor = std::clamp(Quantile(std::move(factors), 0.5), 1.0, kMostVarianceFactor);
+  for (Disagreement& of : *measured) of.cost /= factor;
 }
 
 /// The frames of its still that a frame contradicts at least half as much as the one that it
 /// contradicts most.
-std::vector<int> FindContradicted(const JointProblem& problem, const Solution& solution,
-                                  const FreeSet& asked_for, std::size_t frame) {
+std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame& cost,
+                                  std::size_t frame) {
   std::vector<std::pair<double, int>> others;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (i == frame || solution.held[i] ||
-        problem.frame_of[i].still != problem.frame_of[frame].still)
-      continue;
-    const double cost = MeasureContradiction(problem, solution, asked_for, frame, i);
-    others.emplace_back(-cost, static_cast<int>(i));
+    if (i != frame && problem.frame_of[i].still == problem.frame_of[frame].still && cost.own[i])
+      others.emplace_back(-cost.Of(frame, i).cost, static_cast<int>(i));
   }
   std::sort(others.begin(), others.end());
   std::vector<int> contradicted;
-  for (const auto& [cost, i] : others) {
-    if (cost < kShownBy * others.front().first) contradicted.push_back(i);
+  for (const auto& [negative, i] : others) {
+    if (negative < kShownBy * others.front().first) contradicted.push_back(i);
   }
   return contradicted;
 }
 
 /// Of a frame that disagrees: the one to set aside. That a sensor has moved pulls on all its
 /// frames. Of three or more it is the one that begins farthest from the others.
-std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t unknowns,
-                       std::size_t worst) {
+std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
   const State& state = agreed.solution.state;
   std::vector<std::size_t> frames;
   std::vector<Eigen::Vector3d> places;
@@ -242,7 +214,7 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   if (frames.size() < 3) return worst;
   double farthest = 0;
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    if (!Disagrees(agreed.measured[frames[k]], unknowns)) continue;
+    if (!Disagrees(agreed.measured[frames[k]])) continue;
     double sum = 0;
     for (const Eigen::Vector3d& other : places) sum += (other - places[k]).norm();
     if (sum <= farthest) continue;
@@ -272,7 +244,7 @@ bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
 
 /// What a frame's own measurements and the priors make most probable, the lens being known. It
 /// begins at the frame's start: others may have pulled it out of reach of what it measured.
-std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
+std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
                                 std::size_t frame, Solution solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (i != frame) HoldFrame(problem, i, &solution);
@@ -283,7 +255,7 @@ std::optional<State> SolveAlone(const JointProblem& problem, const FreeSet& aske
   solution.state.scales = kWholePriors;
   Solution alone = AssociateAndSolve(problem, std::move(solution));
   if (alone.held[frame]) return std::nullopt;
-  return std::move(alone.state);
+  return alone;
 }
 
 /// From whole priors on.
@@ -307,40 +279,48 @@ std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet&
 
 /// See SetAsideDisagreeing; of a solution in which all of `asked_for` may be free.
 Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, Solution solution) {
-  const std::size_t unknowns = CountShared(problem, asked_for);
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size()),
                 std::vector<Disagreement>(problem.size())};
   std::vector<char> takes_part, settled(problem.size(), 0);  // settled: cannot be solved alone
   for (const char held : agreed.solution.held) takes_part.push_back(held ? 0 : 1);
   for (;;) {
+    const CostByFrame cost(problem, agreed.solution, asked_for);
+    std::vector<Disagreement> measured(problem.size());
+    ParallelFor(problem.size(), problem.setup.schedule.threads,
+                [&](std::size_t i) { measured[i] = cost.Of(i); });
+    ScaleByVarianceFactor(&measured);
+    for (std::size_t i = 0; i < problem.size(); ++i) {
+      if (!agreed.solution.held[i]) agreed.measured[i] = measured[i];
+    }
     std::optional<std::size_t> worst;
-    ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-      if (!agreed.solution.held[i])
-        agreed.measured[i] = MeasureDisagreement(problem, agreed.solution, asked_for, i);
-    });
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.held[i] || settled[i] ||
-          !problem.frames[i].aside.value_or(Disagrees(agreed.measured[i], unknowns)))
+          !problem.frames[i].aside.value_or(Disagrees(agreed.measured[i])))
         continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
     if (!worst) break;
     if (!problem.frames[*worst].aside) {
-      const std::size_t odd = FindOddOne(problem, agreed, unknowns, *worst);
+      const std::size_t odd = FindOddOne(problem, agreed, *worst);
       if (!settled[odd]) worst = odd;
     }
     if (!LeavesMajority(problem, agreed, takes_part, *worst)) break;
-    std::optional<State> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);
+    std::optional<Solution> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);
     std::optional<Solution> without =
-        alone ? SolveWithout(problem, asked_for, *worst, alone->poses[*worst], agreed.solution)
-              : std::nullopt;
+        alone
+            ? SolveWithout(problem, asked_for, *worst, alone->state.poses[*worst], agreed.solution)
+            : std::nullopt;
     if (!without) {
       settled[*worst] = 1;
       continue;
     }
-    agreed.of[*worst] =
-        SetAside{agreed.solution.state.poses[*worst].ToPose(),
-                 FindContradicted(problem, agreed.solution, asked_for, *worst), std::move(*alone)};
+    const QuadraticCost own = CostAround(problem, *alone);
+    const Eigen::Index column = problem.layout.Pose(*worst);
+    agreed.of[*worst] = SetAside{
+        agreed.solution.state.poses[*worst].ToPose(), FindContradicted(problem, cost, *worst),
+        std::move(alone->state),
+        ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
+            .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);
   }
   return agreed;

@@ -6,50 +6,54 @@
 #include <optional>
 #include <vector>
 
+#include "infer/refine/posterior.h"
+#include "infer/refine/prior_scales.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
 
-/// What a frame's own measurements lose by the joint solution.
-struct Disagreement {
-  /// Half the square, in standard deviations, of the way from the joint solution to the one that
-  /// its own measurements and the priors make most probable. Bulges of sides may be others here.
-  double cost = 0;
-  /// m, of its observations of faces at the joint solution, and at its own.
-  double rms_together = 0, rms_alone = 0;
-  Matrix6d covariance = Matrix6d::Zero();  ///< of its pose, by its own measurements
+/// What a frame's own measurements say, about a solution: a part of its quadratic cost, without
+/// priors.
+struct OwnMeasurements {
+  std::vector<Eigen::Index> columns;  ///< ParameterLayout::ColumnsOf
+  Eigen::MatrixXd information;        ///< J^T J, over these columns
+  Eigen::VectorXd gradient;           ///< J^T r
 };
-/// Of one that takes part in the solution, by a linear approximation; all zero of one without
-/// faces, or where it cannot be computed. What is not in `asked_for` is as it is in the solution.
-Disagreement MeasureDisagreement(const JointProblem& problem, const Solution& solution,
-                                 const FreeSet& asked_for, std::size_t frame);
+OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
+                               std::size_t frame);
 
-/// How much less probable, as half a square in standard deviations, what two frames of one still
-/// saw of the boxes and of their size is if these are the same for both than if each had its own,
-/// by the same approximation. 0 where it cannot be computed.
-double MeasureContradiction(const JointProblem& problem, const Solution& solution,
-                            const FreeSet& asked_for, std::size_t a, std::size_t b);
+/// How far a frame's own measurements are from what all others and the priors predict of them.
+struct Disagreement {
+  /// Half the square, in standard deviations of measurement and prediction.
+  double cost = 0;
+  std::size_t predicted = 0;  ///< of how many independent numbers it is the sum
+};
+/// By a linear approximation. `predicted`: what others and the priors say of all parameters.
+/// `priors`: of the same solution. A parameter of which only its prior tells is no number that is
+/// predicted. What is constant is as it is in the solution. Zero where it cannot be computed.
+Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predicted,
+                        const QuadraticCost& priors, const std::vector<char>& constant);
 
-/// What Disagreement::cost exceeds by chance in one of a thousand: half a chi-square with as many
-/// degrees of freedom as a sensor has unknowns in common with the others (approximated as Wilson
-/// and Hilferty have it, "The Distribution of Chi-Square", 1931).
-double UnlikelyCost(std::size_t unknowns);
+/// What Disagreement::cost exceeds by chance in one of a thousand: half a chi-square (approximated
+/// as Wilson and Hilferty have it, "The Distribution of Chi-Square", 1931).
+double UnlikelyCost(std::size_t predicted);
 
-/// Is it more than the noise of both would make? `unknowns`: how many the sensors have in common.
-/// Where they have none, nothing disagrees.
-bool Disagrees(const Disagreement& disagreement, std::size_t unknowns);
+/// Is it more than the noise of measurement and prediction would make?
+bool Disagrees(const Disagreement& disagreement);
 
 /// What a frame that was set aside would have had to accept.
 struct SetAside {
   Pose together;                 ///< its pose in the joint solution with it
   std::vector<int> contradicts;  ///< the frames that show it, the clearest first
   State alone;                   ///< what its own measurements and the priors make most probable
+  Matrix6d covariance;           ///< of its pose in that
 };
 struct Agreed {
   Solution solution;                        ///< of the frames that agree
   std::vector<std::optional<SetAside>> of;  ///< of each frame; nothing where it agrees
-  /// Of each frame, in the last solution that it took part in.
+  /// Of each frame, in the last solution that it took part in. Costs are divided by the variance
+  /// factor of all frames.
   std::vector<Disagreement> measured;
 };
 /// Sets aside, one after the other, the frame that disagrees most: it stays where its own

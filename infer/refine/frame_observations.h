@@ -6,9 +6,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "core/geometry/frame_errors.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/noise_model.h"
+#include "infer/refine/parameters.h"
 
 namespace volalign::refine_internal {
 
@@ -16,9 +16,9 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  double multipath = 0;                                   ///< see SeamShare
-  FrameErrorVector by_errors = FrameErrorVector::Zero();  ///< see FrameErrorsAt and BouncedShare
-  double bulge = 0;                                       ///< see Side::BulgeAt
+  /// By how many m each of its sensor's errors, at 1, adds to its depth.
+  SensorErrorVector by_errors = SensorErrorVector::Zero();
+  double bulge = 0;      ///< see Side::BulgeAt
   double aside_rad = 0;  ///< of p: the mean over its points, which are off alike, see SidePoint
   double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens

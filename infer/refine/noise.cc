@@ -126,7 +126,7 @@ Linearised Linearise(const BuildModel& model, const FrameObservations& observed,
   const Eigen::MatrixXd known = jacobian.rightCols(sigmas.size());
   linear.residuals -= known * SharedValues(parameters, model.size());
   linear.shared = known * sigmas.asDiagonal();
-  linear.seam = known.col(FrameColumns::kNuisance + kMultipath - FrameColumns::kOffset);
+  linear.seam = known.col(FrameColumns::kErrors + kMultipath - FrameColumns::kOffset);
   return linear;
 }
 
@@ -194,9 +194,7 @@ void FitNoise(const BuildModel& model, const DepthErrorModel& usual,
   const Linearised all = Linearise(model, sample, parameters, priors);
   const auto faces = static_cast<Eigen::Index>(sample.faces.size());
   const auto edges = static_cast<Eigen::Index>(sample.edges.size());
-  PoseBlock block;
-  std::copy_n(parameters.pose, 7, block.values);
-  const Pose pose = block.ToPose();
+  const Pose pose = PoseBlock::ToPose(parameters.pose);
   if (faces > kFewestToFit)
     observed->noise.depth = FitErrors(model, pose, sample, all.Rows(0, faces), usual);
   if (edges > kFewestToFit) FitEdgeNoise(sample, all.Rows(faces, edges), &observed->noise);

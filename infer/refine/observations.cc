@@ -66,14 +66,16 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   face.p /= weights;
   face.aside_rad /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
-  face.by_errors = FrameErrorsAt(errors, face.p,
-                                 sensor.structure_from_sensor.linear().transpose() * side.normal);
+  face.by_errors.head<kFrameErrors>() = FrameErrorsAt(
+      errors, face.p, sensor.structure_from_sensor.linear().transpose() * side.normal);
   const Side& nominal_side = nominal.SideOfLabel(label);
   const Eigen::Vector3d q = sensor.InStructure(face.p);
   face.bulge = side.BulgeAt(q);
-  face.multipath = std::max(0.0, 1 - SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m);
+  face.by_errors[kMultipath] =
+      std::min(0.0, SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m - 1);
   face.by_errors[kBounced] = BouncedShare(
       nominal, nominal_side, q, sensor.structure_from_sensor.translation(), errors.bounce_reach_m);
+  face.by_errors[kGain] = face.p.z();
   return face;
 }
 

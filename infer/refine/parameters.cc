@@ -31,32 +31,20 @@ Priors PriorsOf(const PriorOptions& options) {
 
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
                                   const BuildSize& build) {
-  using Columns = FrameColumns;
-  Eigen::VectorXd sigmas(Columns::kBoxes - Columns::kOffset + build.parameters());
-  const auto of = [&](Eigen::Index column) -> double& { return sigmas[column - Columns::kOffset]; };
-  of(Columns::kOffset) = priors.offset;
-  of(Columns::kGain) = priors.gain.value_or(errors.unit_gain);
-  of(Columns::kFocal) = priors.focal;
-  of(Columns::kNuisance + kMultipath) = errors.seam_m;
-  of(Columns::kNuisance + kEdgeShift) = of(Columns::kNuisance + kEdgeShift + 1) = priors.edge_shift;
-  sigmas.segment<kFrameErrors>(Columns::kErrors - Columns::kOffset) = FrameErrorSigmas(errors);
-  sigmas.segment<kLensParameters>(Columns::kLens - Columns::kOffset) = priors.lens;
-  of(Columns::kSize) = priors.size;
-  sigmas.tail(build.sides).setConstant(priors.bulge);
-  auto of_boxes = sigmas.segment(Columns::kBoxes - Columns::kOffset, 3 * build.boxes);
-  for (int b = 0; b < build.boxes; ++b) {
-    of_boxes[BuildModel::X(b)] = of_boxes[BuildModel::Z(b)] = priors.box;
-    of_boxes[BuildModel::Yaw(b)] = priors.yaw;
-  }
+  SensorErrorVector of_sensor;
+  of_sensor << FrameErrorSigmas(errors), errors.seam_m, priors.gain.value_or(errors.unit_gain),
+      priors.focal, priors.edge_shift, priors.edge_shift;
+  const Eigen::Vector3d of_box(priors.box, priors.box, priors.yaw);
+  Eigen::VectorXd sigmas(FrameColumns::kBoxes - FrameColumns::kOffset + build.parameters());
+  sigmas << priors.offset, of_sensor, priors.lens, priors.size, of_box.replicate(build.boxes, 1),
+      Eigen::VectorXd::Constant(build.sides, priors.bulge);
   return sigmas;
 }
 
 Eigen::VectorXd SharedValues(const FrameParameters& parameters, const BuildSize& build) {
   Eigen::VectorXd values(FrameColumns::kBoxes - FrameColumns::kOffset + build.parameters());
-  values << *parameters.offset, *parameters.gain, *parameters.focal,
-      Eigen::Map<const Eigen::VectorXd>(parameters.nuisance, kNuisances),
-      Eigen::Map<const Eigen::VectorXd>(parameters.errors, kFrameErrors), LensChange::Zero(),
-      *parameters.build.size,
+  values << *parameters.offset, Eigen::Map<const SensorErrorVector>(parameters.errors),
+      LensChange::Zero(), *parameters.build.size,
       Eigen::Map<const Eigen::VectorXd>(parameters.build.boxes, Eigen::Index{3} * build.boxes),
       Eigen::Map<const Eigen::VectorXd>(parameters.build.bulges, build.sides);
   return values;
@@ -77,10 +65,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   std::size_t sensors = 0;
   for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
   state.offsets.assign(poses.size(), 0);
-  state.gains.assign(sensors, 0);
-  state.focals.assign(sensors, 0);
-  state.nuisances.assign(poses.size(), {});
-  state.errors.assign(sensors, {});
+  state.errors.assign(sensors, SensorErrorVector::Zero());
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
   state.boxes.assign(placements.size(), std::vector<double>(3 * structure.boxes().size(), 0));
   const auto sides = static_cast<std::size_t>(BuildModel(structure).size().sides);
@@ -120,13 +105,7 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
   for (std::size_t s = 0; s < sensors_; ++s)
-    blocks.push_back({&state->gains[s], GainOfSensor(s), 1, 1});
-  for (std::size_t s = 0; s < sensors_; ++s)
-    blocks.push_back({&state->focals[s], FocalOfSensor(s), 1, 1});
-  for (std::size_t i = 0; i < frames(); ++i)
-    blocks.push_back({state->nuisances[i].data(), Nuisance(i, 0), kNuisances, kNuisances});
-  for (std::size_t s = 0; s < sensors_; ++s)
-    blocks.push_back({state->errors[s].data(), ErrorsOfSensor(s), kFrameErrors, kFrameErrors});
+    blocks.push_back({state->errors[s].data(), ErrorsOfSensor(s), kSensorErrors, kSensorErrors});
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
@@ -145,13 +124,11 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   std::vector<double> counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
     ++counts[SensorOf(i)];
-    const Eigen::VectorXd own = SharedPriorSigmas(priors, errors[i], {});
-    sigmas[Gain(i)] = own[FrameColumns::kGain - FrameColumns::kOffset];
-    sigmas[Focal(i)] = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
-    sigmas.segment<kNuisances>(Nuisance(i, 0)) =
-        own.segment<kNuisances>(FrameColumns::kNuisance - FrameColumns::kOffset);
-    sigmas.segment<kFrameErrors>(FrameErrors(i)) =
-        own.segment<kFrameErrors>(FrameColumns::kErrors - FrameColumns::kOffset);
+    Priors own = priors;
+    own.focal = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
+    sigmas.segment<kSensorErrors>(ErrorsOfSensor(SensorOf(i))) =
+        SharedPriorSigmas(own, errors[i], {}).segment<kSensorErrors>(FrameColumns::kErrors -
+                                                                     FrameColumns::kOffset);
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)
@@ -167,6 +144,23 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   return sigmas.unaryExpr(&Positive);
 }
 
+std::vector<Eigen::Index> ParameterLayout::ColumnsOf(std::size_t frame) const {
+  std::vector<Eigen::Index> columns;
+  const auto add = [&](Eigen::Index first, Eigen::Index count) {
+    for (Eigen::Index k = 0; k < count; ++k) columns.push_back(first + k);
+  };
+  const FrameOf& of = frame_of_[frame];
+  const auto still = static_cast<std::size_t>(of.still);
+  add(Pose(frame), 6);
+  add(Offset(frame), 1);
+  add(ErrorsOfSensor(SensorOf(frame)), kSensorErrors);
+  add(Lens(static_cast<std::size_t>(of.lens)), kLensParameters);
+  add(Size(), 1);
+  add(Boxes(still), Eigen::Index{3} * build_.boxes);
+  add(Bulges(still), build_.sides);
+  return columns;
+}
+
 std::vector<char> ParameterLayout::Constant(const FreeSet& free,
                                             const std::vector<char>& held) const {
   std::vector<char> constant(static_cast<std::size_t>(size()), 0);
@@ -176,22 +170,18 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   std::vector<char> is_moved(sensors_, held.empty());
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset) hold(Offset(i), 1);
-    if (!free.gain) hold(Gain(i), 1);
-    if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Focal(i), 1);
+    if (!free.gain) hold(Error(i, kGain), 1);
+    if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Error(i, kFocal), 1);
     if (held.empty()) continue;
     if (held[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
-      hold(Nuisance(i, 0), kNuisances);
     } else {
       is_moved[SensorOf(i)] = 1;
     }
   }
   for (std::size_t s = 0; s < sensors_; ++s) {
-    if (is_moved[s]) continue;
-    hold(GainOfSensor(s), 1);
-    hold(FocalOfSensor(s), 1);
-    hold(ErrorsOfSensor(s), kFrameErrors);
+    if (!is_moved[s]) hold(ErrorsOfSensor(s), kSensorErrors);
   }
   for (std::size_t lens = 0; lens < lenses_; ++lens) {
     if (!free.lens[lens]) hold(Lens(lens), kLensParameters);
@@ -201,15 +191,22 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   return constant;
 }
 
+bool ParameterLayout::IsAlwaysFree(Eigen::Index column) const {
+  if (column >= ErrorsOfSensor(0) && column < Lens(0)) {
+    const Eigen::Index which = (column - ErrorsOfSensor(0)) % kSensorErrors;
+    return which != kGain && which != kFocal;
+  }
+  return column < Offset(0) || column >= Bulges(0);
+}
+
 int ParameterLayout::GroupOf(Eigen::Index column) const {
-  const auto is_in = [&](Eigen::Index first, Eigen::Index end) {
-    return column >= first && column < end;
-  };
-  if (is_in(Offset(0), GainOfSensor(0))) return kOffsets;
-  if (is_in(GainOfSensor(0), FocalOfSensor(0))) return kGains;
   if (column == Size()) return kSizes;
-  if (!is_in(Boxes(0), Bulges(0))) return kPriorGroups;
-  return (column - Boxes(0)) % 3 == BuildModel::Yaw(0) ? kTurns : kPlaces;
+  if (column >= Boxes(0) && column < Bulges(0))
+    return (column - Boxes(0)) % 3 == BuildModel::Yaw(0) ? kTurns : kPlaces;
+  if (column >= Offset(0) && column < ErrorsOfSensor(0)) return kOffsets;
+  const bool is_gain = column >= ErrorsOfSensor(0) && column < Lens(0) &&
+                       (column - ErrorsOfSensor(0)) % kSensorErrors == kGain;
+  return is_gain ? kGains : kPriorGroups;
 }
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {

@@ -21,9 +21,18 @@
 
 namespace volalign::refine_internal {
 
-/// A frame's nuisance block: multipath in m, outward shift in px of silhouettes along image rows
-/// and along columns (a stereo matcher widens them along its baseline). All depend on what is seen.
-inline constexpr int kMultipath = 0, kEdgeShift = 1, kNuisances = kEdgeShift + 2;
+/// A sensor's own errors, one coefficient each: those of FrameError, then multipath in concave
+/// corners in m, depth gain - 1, the logarithm of its own factor on the focal length of its lens,
+/// and the outward shift in px of silhouettes along image rows and along columns (a stereo matcher
+/// widens them along its baseline).
+enum SensorError {
+  kMultipath = kFrameErrors,
+  kGain,
+  kFocal,
+  kEdgeShift,
+  kSensorErrors = kEdgeShift + 2
+};
+using SensorErrorVector = Eigen::Matrix<double, kSensorErrors, 1>;
 
 /// Of the pose priors, which bound directions that nothing constrains: m and rad.
 inline constexpr double kPoseSigma = 1;
@@ -35,15 +44,10 @@ struct FrameOf {
 };
 
 /// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
-/// sensor's depth gain - 1 (1) and focal length (1, see State), its nuisances, the errors of its
-/// depths that look like another pose (FrameError), its lens (LensChange), and the build of its
-/// still.
+/// sensor's errors (SensorError), its lens (LensChange), and the build of its still.
 struct FrameParameters {
   const double* pose;
   const double* offset;
-  const double* gain;
-  const double* focal;
-  const double* nuisance;
   const double* errors;
   const double* lens;
   BuildParameters build;
@@ -54,11 +58,8 @@ struct FrameParameters {
 struct FrameColumns {
   static constexpr Eigen::Index kPose = 0,
                                 kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
-                                kGain = kOffset + 1, kFocal = kGain + 1, kNuisance = kFocal + 1,
-                                kErrors = kNuisance + kNuisances, kLens = kErrors + kFrameErrors,
+                                kErrors = kOffset + 1, kLens = kErrors + kSensorErrors,
                                 kSize = kLens + kLensParameters, kBoxes = kSize + 1;
-  /// How many columns are the sensor's own errors.
-  static constexpr Eigen::Index kOwn = kLens - kOffset;
   /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
   static Eigen::MatrixXd InTangentSpace(const Eigen::MatrixXd& over_blocks, const double* pose);
 };
@@ -84,8 +85,7 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, gain, focal length, nuisances, errors of the frame, lens, size, boxes,
-/// bulges. `errors`: the frame's noise model.
+/// FrameColumns: offset, errors of the sensor, lens, size, boxes, bulges. `errors`: the frame's noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
                                   const BuildSize& build);
 
@@ -122,14 +122,11 @@ struct State {
   std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
   std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
   std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
-  std::vector<double> gains;          ///< of each sensor, depth gain - 1
-  std::vector<double> focals;         ///< of each sensor, logarithm of its own factor on its lens's
-  std::vector<std::array<double, kNuisances>> nuisances;  ///< of each frame
-  std::vector<std::array<double, kFrameErrors>> errors;   ///< of each sensor, see FrameError
-  std::vector<LensChange> lenses;                         ///< from the assumed intrinsics
-  double size = 0;                                        ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;                 ///< of each still, see BuildModel
-  std::vector<std::vector<double>> bulges;                ///< of each still, see BuildModel
+  std::vector<SensorErrorVector> errors;    ///< of each sensor
+  std::vector<LensChange> lenses;           ///< from the assumed intrinsics
+  double size = 0;                          ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;   ///< of each still, see BuildModel
+  std::vector<std::vector<double>> bulges;  ///< of each still, see BuildModel
   PriorScales scales = kWholePriors;  ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
@@ -144,21 +141,18 @@ struct State {
   const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
-  double* Gain(std::size_t i) { return &gains[SensorOf(i)]; }
-  double* Focal(std::size_t i) { return &focals[SensorOf(i)]; }
-  double* Errors(std::size_t i) { return errors[SensorOf(i)].data(); }
+  const SensorErrorVector& Errors(std::size_t i) const { return errors[SensorOf(i)]; }
+  SensorErrorVector& Errors(std::size_t i) { return errors[SensorOf(i)]; }
   FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
   /// The sensor's depth errors, seen from another pose.
   FrameState Frame(std::size_t i, const Pose& pose) const {
-    return {pose, gains[SensorOf(i)], offsets[i]};
+    return {pose, Errors(i)[kGain], offsets[i]};
   }
   BuildParameters Build(std::size_t still) const {
     return {&size, boxes[still].data(), bulges[still].data()};
   }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values,      &offsets[i],         &gains[SensorOf(i)],
-            &focals[SensorOf(i)], nuisances[i].data(), errors[SensorOf(i)].data(),
-            Lens(i).data(),       Build(StillOf(i))};
+    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(), Build(StillOf(i))};
   }
   /// Makes `built` what the parameters say.
   void UpdateBuilt(const BuildModel& model);
@@ -176,9 +170,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 
 /// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
 /// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
-/// offsets, the sensors' depth gains, their focal lengths, the frames' nuisances (kNuisances each),
-/// the sensors' errors (kFrameErrors each), the lenses (kLensParameters each), the size, the boxes
-/// of each still, the bulges of each still.
+/// offsets, the sensors' errors (kSensorErrors each), the lenses (kLensParameters each), the size,
+/// the boxes of each still, the bulges of each still.
 class ParameterLayout {
  public:
   ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
@@ -199,24 +192,13 @@ class ParameterLayout {
   Eigen::Index Offset(std::size_t frame) const {
     return Placement(stills_) + static_cast<Eigen::Index>(frame);
   }
-  Eigen::Index GainOfSensor(std::size_t sensor) const {
-    return Offset(frames()) + static_cast<Eigen::Index>(sensor);
-  }
-  /// Of a frame's sensor.
-  Eigen::Index Gain(std::size_t frame) const { return GainOfSensor(SensorOf(frame)); }
-  Eigen::Index FocalOfSensor(std::size_t sensor) const {
-    return GainOfSensor(sensors_) + static_cast<Eigen::Index>(sensor);
-  }
-  Eigen::Index Focal(std::size_t frame) const { return FocalOfSensor(SensorOf(frame)); }
-  /// `which`: kMultipath, kEdgeShift or kEdgeShift + 1.
-  Eigen::Index Nuisance(std::size_t frame, int which) const {
-    return FocalOfSensor(sensors_) + static_cast<Eigen::Index>(kNuisances * frame) + which;
-  }
   Eigen::Index ErrorsOfSensor(std::size_t sensor) const {
-    return Nuisance(frames(), 0) + static_cast<Eigen::Index>(kFrameErrors * sensor);
+    return Offset(frames()) + static_cast<Eigen::Index>(kSensorErrors * sensor);
   }
   /// Of a frame's sensor.
-  Eigen::Index FrameErrors(std::size_t frame) const { return ErrorsOfSensor(SensorOf(frame)); }
+  Eigen::Index Error(std::size_t frame, SensorError which) const {
+    return ErrorsOfSensor(SensorOf(frame)) + which;
+  }
   Eigen::Index Lens(std::size_t lens) const {
     return ErrorsOfSensor(sensors_) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
@@ -248,12 +230,13 @@ class ParameterLayout {
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<DepthErrorModel>& errors,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
-  /// Is a column one that is never held while its frame is not: of a pose, a placement, a frame's
-  /// nuisances and errors, or a bulge?
-  bool IsAlwaysFree(Eigen::Index column) const {
-    return column < Offset(0) || (column >= Nuisance(0, 0) && column < Lens(0)) ||
-           column >= Bulges(0);
-  }
+  /// The columns of what moves a frame's residuals, in the order of FrameColumns, but with 6 of the
+  /// pose.
+  std::vector<Eigen::Index> ColumnsOf(std::size_t frame) const;
+
+  /// Is a column one that is never held while its frame is not: of a pose, a placement, an error of
+  /// a sensor but its gain and focal length, or a bulge?
+  bool IsAlwaysFree(Eigen::Index column) const;
 
   /// The group of a column; kPriorGroups where its prior is never narrowed.
   int GroupOf(Eigen::Index column) const;

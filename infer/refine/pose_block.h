@@ -22,10 +22,11 @@ struct PoseBlock {
     std::copy_n(q.data(), 4, values);
     std::copy_n(t.data(), 3, values + 4);
   }
-  Pose ToPose() const {
+  Pose ToPose() const { return ToPose(values); }
+  static Pose ToPose(const double* block) {
     Pose pose = Pose::Identity();
-    pose.linear() = Eigen::Quaterniond(values).normalized().toRotationMatrix();
-    pose.translation() = Eigen::Map<const Eigen::Vector3d>(values + 4);
+    pose.linear() = Eigen::Quaterniond(block).normalized().toRotationMatrix();
+    pose.translation() = Eigen::Map<const Eigen::Vector3d>(block + 4);
     return pose;
   }
 };

@@ -28,13 +28,9 @@ struct RefinedFrame {
   /// own measurements and the priors make most probable, and the others are solved without it; it
   /// counts as solved.
   std::optional<RefusedFit> refused_fit;
-  /// Half the square, in standard deviations, of how far its own measurements are from the joint
-  /// solution (of a sensor that disagrees: the one with it).
+  /// Half the square, in standard deviations, of how far its own measurements are from what those
+  /// of all other frames predict. Zero of a frame without structure terms.
   double disagreement = 0;
-  /// m, root mean square by which its observations of sides are off: at the joint solution (of a
-  /// sensor that disagrees: the one with it), and at the one that fits it alone. Zero of a frame
-  /// without structure terms.
-  double rms_together = 0, rms_alone = 0;
   /// A sentence where numbers failed; else empty. What is given is finite all the same.
   std::string problem;
   /// Of delta = [translation; rotation vector] in T = Exp(delta) T^, structure frame; m, rad.

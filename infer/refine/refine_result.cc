@@ -40,24 +40,22 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
   return (in_first + in_first.transpose()) / 2;
 }
 
-RefinedFrame RefinedFrameOf(const JointProblem& problem, const Agreed& agreed, std::size_t i) {
+RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
   const auto& [free, state, observed, held, overlaps] = agreed.solution;
   RefinedFrame frame;
   frame.solved = !held[i];
   frame.structure_from_sensor = state.poses[i].ToPose();
   if (free.offset && frame.solved) frame.depth_offset = state.offsets[i];
-  if (free.gain && frame.solved) frame.depth_gain = 1 + state.gains[state.SensorOf(i)];
-  if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.focals[state.SensorOf(i)];
+  if (free.gain && frame.solved) frame.depth_gain = 1 + state.Errors(i)[kGain];
+  if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.Errors(i)[kFocal];
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
-  frame.rms_together = agreed.measured[i].rms_together;
-  frame.rms_alone = agreed.measured[i].rms_alone;
   if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
     frame.solved = true;
     frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
     frame.depth_offset = set_aside->alone.offsets[i];
-    frame.depth_gain = 1 + set_aside->alone.gains[state.SensorOf(i)];
-    frame.own_focal = set_aside->alone.focals[state.SensorOf(i)];
+    frame.depth_gain = 1 + set_aside->alone.Errors(i)[kGain];
+    frame.own_focal = set_aside->alone.Errors(i)[kFocal];
     frame.refused_fit =
         RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
   }
@@ -72,10 +70,10 @@ void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
   const ParameterLayout& layout = problem.layout;
   const State& state = agreed.solution.state;
   frame->sigma_depth_offset = posterior.Sigma(layout.Offset(i));
-  frame->sigma_depth_gain = posterior.Sigma(layout.Gain(i));
+  frame->sigma_depth_gain = posterior.Sigma(layout.Error(i, kGain));
   const Matrix6d block = posterior.covariance.block<6, 6>(layout.Pose(i), layout.Pose(i));
   frame->covariance = (block + block.transpose()) / 2;
-  if (agreed.of[i]) frame->covariance = agreed.measured[i].covariance;
+  if (agreed.of[i]) frame->covariance = agreed.of[i]->covariance;
   frame->problem = Problem(unsolved[i], posterior.exact);
   frame->first_covariance = CovarianceInFirst(
       problem, posterior, state.placements[state.StillOf(i)].ToPose(), i, frame->covariance);
@@ -130,7 +128,7 @@ PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
     joint = joint && !agreed.solution.held[i] && !agreed.of[i];
     for (int k = 0; k < 6; ++k) columns.push_back(problem.layout.Pose(i) + k);
     columns.push_back(problem.layout.Offset(i));
-    columns.push_back(problem.layout.Gain(i));
+    columns.push_back(problem.layout.Error(i, kGain));
   }
   if (joint) both = posterior.covariance(columns, columns);
   both.block<6, 6>(0, 0) = frames[pair[0]].covariance;
@@ -249,7 +247,7 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
     if (agreed.solution.held[i]) continue;
     add_own(Kind::kDepthOffset, i, layout.Offset(i));
     if (sensors.insert(agreed.solution.state.SensorOf(i)).second)
-      add_own(Kind::kDepthGain, i, layout.Gain(i));
+      add_own(Kind::kDepthGain, i, layout.Error(i, kGain));
   }
   return quantities;
 }
@@ -274,7 +272,7 @@ RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
   const auto& [free, state, observed, held, overlaps] = agreed.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
-    result.frames.push_back(RefinedFrameOf(problem, agreed, i));
+    result.frames.push_back(RefinedFrameOf(agreed, i));
   result.placements = PlacementResults(problem, agreed);
   result.size_estimated =
       free.size && std::any_of(result.frames.begin(), result.frames.end(),

@@ -1,6 +1,7 @@
 #include "infer/refine/residuals.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -27,15 +28,15 @@ class Scene {
       : model_(model),
         parameters_(parameters),
         lens_(Eigen::Map<const LensChange>(parameters.lens) - observed_lens +
-              *parameters.focal * LensChange::UnitX()),
+              parameters.errors[kFocal] * LensChange::UnitX()),
         rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
         translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
         growth_(*parameters.build.size) {}
 
   const Eigen::Matrix3d& rotation() const { return rotation_; }
   const double* pose() const { return parameters_.pose; }
-  double nuisance(int which) const { return parameters_.nuisance[which]; }
-  double gain() const { return 1 + *parameters_.gain; }
+  double error(int which) const { return parameters_.errors[which]; }
+  double gain() const { return 1 + error(kGain); }
   /// Of ln(focal length), from the lens that was looked through.
   double FocalChange() const { return lens_[0]; }
   Eigen::Index columns() const { return FrameColumns::kBoxes + model_.size().parameters(); }
@@ -64,10 +65,8 @@ class Scene {
 
   /// Along `ray`, of unit depth, at the true depth.
   Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
-    return Corrected(
-        face.p.z() * ray, parameters_.gain[0],
-        parameters_.offset[0] - nuisance(kMultipath) * face.multipath +
-            face.by_errors.dot(Eigen::Map<const FrameErrorVector>(parameters_.errors)));
+    const Eigen::Map<const SensorErrorVector> errors(parameters_.errors);
+    return (face.p.z() + *parameters_.offset + face.by_errors.dot(errors)) * ray;
   }
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
@@ -131,15 +130,13 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
     jacobian->row(row) = scene.Derivative(plane, p, at);
     const double along = plane.normal.dot(scene.rotation() * ray);
     (*jacobian)(row, FrameColumns::kOffset) = along;
-    (*jacobian)(row, FrameColumns::kGain) = along * face.p.z();
-    (*jacobian)(row, FrameColumns::kNuisance + kMultipath) = -along * face.multipath;
-    jacobian->row(row).segment<kFrameErrors>(FrameColumns::kErrors) =
+    jacobian->row(row).segment<kSensorErrors>(FrameColumns::kErrors) =
         along * face.by_errors.transpose();
     jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
         p.z() * scene.ByLens(plane.normal, face.by_lens);
     (*jacobian)(row, scene.ColumnOfBulge(face.label)) = -face.bulge;
     jacobian->row(row) /= scene.gain();
-    (*jacobian)(row, FrameColumns::kGain) -= distance / scene.gain();
+    (*jacobian)(row, FrameColumns::kErrors + kGain) -= distance / scene.gain();
   }
   return distance;
 }
@@ -177,9 +174,9 @@ double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Inde
     jacobian->row(row) = scale * (of_distance(line) - beyond * of_slant(line) +
                                   (distance * nearer / edge.p.z() - dv) * by_beyond);
     (*jacobian)(row, kLens) += scale * distance;
-    (*jacobian)(row, FrameColumns::kNuisance + kEdgeShift + edge.axis) = -edge.pixel;
+    (*jacobian)(row, FrameColumns::kErrors + kEdgeShift + edge.axis) = -edge.pixel;
   }
-  return scale * distance - scene.nuisance(kEdgeShift + edge.axis) * edge.pixel;
+  return scale * distance - scene.error(kEdgeShift + edge.axis) * edge.pixel;
 }
 
 }  // namespace
@@ -200,63 +197,59 @@ void Residuals(const BuildModel& model, const FrameObservations& observed,
     (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
     ++row;
   }
-  if (jacobian) jacobian->col(FrameColumns::kFocal) = jacobian->col(FrameColumns::kLens);
+  if (jacobian)
+    jacobian->col(FrameColumns::kErrors + kFocal) = jacobian->col(FrameColumns::kLens);
+}
+
+void WhitenedResiduals(const BuildModel& model, const FrameObservations& observed,
+                       const FrameParameters& parameters, const std::vector<Eigen::Index>& wanted,
+                       Eigen::VectorXd* residuals, Eigen::MatrixXd* jacobian) {
+  Residuals(model, observed, parameters, residuals, jacobian);
+  const auto faces = static_cast<Eigen::Index>(observed.faces.size());
+  const auto whiten = [&](auto* rows) {
+    const Eigen::Index edges = rows->rows() - faces;
+    observed.face_root.triangularView<Eigen::Lower>().solveInPlace(rows->topRows(faces));
+    observed.edge_root.triangularView<Eigen::Lower>().solveInPlace(rows->bottomRows(edges));
+  };
+  whiten(residuals);
+  if (!jacobian) return;
+  *jacobian = (*jacobian)(Eigen::all, wanted).eval();
+  whiten(jacobian);
 }
 
 SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observed)
     : model_(model), observed_(observed) {
   set_num_residuals(static_cast<int>(observed.faces.size() + observed.edges.size()));
-  *mutable_parameter_block_sizes() = {7,
-                                      1,
-                                      1,
-                                      1,
-                                      kNuisances,
-                                      kFrameErrors,
-                                      kLensParameters,
-                                      1,
-                                      3 * model.size().boxes,
-                                      model.size().sides};
+  *mutable_parameter_block_sizes() = {
+      7, 1, kSensorErrors, kLensParameters, 1, 3 * model.size().boxes, model.size().sides};
 }
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
-  Eigen::VectorXd r;
-  Eigen::MatrixXd j;
-  Residuals(model_, observed_,
-            {parameters[0],
-             parameters[1],
-             parameters[2],
-             parameters[3],
-             parameters[4],
-             parameters[5],
-             parameters[6],
-             {parameters[7], parameters[8], parameters[9]}},
-            &r, jacobians ? &j : nullptr);
-  const auto faces = static_cast<Eigen::Index>(observed_.faces.size());
-  const auto edges = static_cast<Eigen::Index>(observed_.edges.size());
-  const auto face_root = observed_.face_root.triangularView<Eigen::Lower>();
-  const auto edge_root = observed_.edge_root.triangularView<Eigen::Lower>();
-  Eigen::Map<Eigen::VectorXd> out(residuals, faces + edges);
-  out.head(faces) = face_root.solve(r.head(faces));
-  out.tail(edges) = edge_root.solve(r.tail(edges));
-  if (!jacobians) return true;
   // Whitening costs most: of what is held constant, no derivatives are wanted.
   std::vector<Eigen::Index> wanted;
   Eigen::Index column = 0;
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
     for (int k = 0; k < parameter_block_sizes()[b]; ++k, ++column) {
-      if (jacobians[b]) wanted.push_back(column);
+      if (jacobians && jacobians[b]) wanted.push_back(column);
     }
   }
-  Eigen::MatrixXd white = j(Eigen::all, wanted);
-  face_root.solveInPlace(white.topRows(faces));
-  edge_root.solveInPlace(white.bottomRows(edges));
+  Eigen::VectorXd r;
+  Eigen::MatrixXd white;
+  WhitenedResiduals(model_, observed_,
+                    {parameters[0],
+                     parameters[1],
+                     parameters[2],
+                     parameters[3],
+                     {parameters[4], parameters[5], parameters[6]}},
+                    wanted, &r, jacobians ? &white : nullptr);
+  std::copy_n(r.data(), r.size(), residuals);
   column = 0;
-  for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {
+  for (std::size_t b = 0; jacobians && b < parameter_block_sizes().size(); ++b) {
     if (!jacobians[b]) continue;
     const Eigen::Index width = parameter_block_sizes()[b];
     using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    Eigen::Map<RowMajor>(jacobians[b], faces + edges, width) = white.middleCols(column, width);
+    Eigen::Map<RowMajor>(jacobians[b], r.size(), width) = white.middleCols(column, width);
     column += width;
   }
   return true;

@@ -5,6 +5,7 @@
 #include <ceres/cost_function.h>
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "infer/refine/build_model.h"
 #include "infer/refine/frame_observations.h"
@@ -13,8 +14,8 @@
 namespace volalign::refine_internal {
 
 /// Signed distances, m: faces (to the infinite plane of the side as built), then edges (bearing
-/// against the edge, measured in the side's plane). True depth = measured * gain + offset -
-/// multipath * seam share + what the errors of the frame add; a side stands out by its bulge. They
+/// against the edge, measured in the side's plane). True depth = measured + offset +
+/// what the errors of the sensor add; a side stands out by its bulge. They
 /// are lengths as the sensor measures them: of a face the true one divided by the gain, of an edge
 /// what its bearing makes at the measured depth. A sensor's errors are of that kind; in true
 /// lengths the smallest world would fit best. `jacobian`, if wanted, has FrameColumns.
@@ -22,7 +23,13 @@ void Residuals(const BuildModel& model, const FrameObservations& observed,
                const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian);
 
-/// All residuals of a sensor, whitened by their joint covariance. Refers to both arguments.
+/// The same in standard deviations, whitened by their joint covariance. `jacobian`, if wanted, has
+/// the columns in `wanted` alone.
+void WhitenedResiduals(const BuildModel& model, const FrameObservations& observed,
+                       const FrameParameters& parameters, const std::vector<Eigen::Index>& wanted,
+                       Eigen::VectorXd* residuals, Eigen::MatrixXd* jacobian);
+
+/// WhitenedResiduals of a sensor. Refers to both arguments.
 class SensorCost : public ceres::CostFunction {
  public:
   SensorCost(const BuildModel& model, const FrameObservations& observed);

@@ -16,7 +16,8 @@ namespace volalign {
 /// A labelled point, sensor frame.
 struct SidePoint {
   Eigen::Vector3d p;
-  Eigen::Vector3d normal;  ///< towards the sensor; zero where no plane fits its neighbourhood
+  /// Towards the sensor; zero where no plane fits its neighbourhood.
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   int label = 0;
   double sigma = 0;  ///< m: standard error of its depth over several frames; 0: not known
   int block = 0;     ///< of the image, see BlockIndex

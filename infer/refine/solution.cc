@@ -12,8 +12,6 @@
 
 namespace volalign::refine_internal {
 
-namespace {}  // namespace
-
 double LineTolerance(const FreeSet& free) { return free.boxes ? 0 : kHeldEdge; }
 
 std::vector<FrameObservations> GatherObservations(const JointProblem& problem, const State& state,
@@ -85,12 +83,10 @@ void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solutio
   solution->held[frame] = 1;
   State& state = solution->state;
   state.offsets[frame] = 0;
-  state.nuisances[frame] = {};
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
   }
-  *state.Gain(frame) = *state.Focal(frame) = 0;
-  state.errors[state.SensorOf(frame)] = {};
+  state.Errors(frame).setZero();
 }
 
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <map>
-#include <set>
 #include <utility>
 
 #include "infer/refine/costs.h"
@@ -22,8 +21,10 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   const auto through_lens = [&](std::size_t i, const CloudPoint& of, double bounced) {
     const SensorPoints& points = *problem.frames[i].points;
     const DepthErrorModel& errors = observed[i].noise.depth;
-    FrameErrorVector by_errors = FrameErrorsAt(errors, of.p, of.normal);
+    SensorErrorVector by_errors = SensorErrorVector::Zero();
+    by_errors.head<kFrameErrors>() = FrameErrorsAt(errors, of.p, of.normal);
     by_errors[kBounced] = bounced;
+    by_errors[kGain] = of.p.z();
     return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, by_errors};
   };
   const auto add = [&](std::size_t i, std::size_t j, const std::vector<PairMatch>& matches) {
@@ -37,9 +38,8 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {
-        state->poses[i].values, state->poses[j].values, &state->offsets[i],   &state->offsets[j],
-        state->Gain(i),         state->Gain(j),         state->Focal(i),      state->Focal(j),
-        state->Errors(i),       state->Errors(j),       state->Lens(i).data()};
+        state->poses[i].values,  state->poses[j].values,  &state->offsets[i],   &state->offsets[j],
+        state->Errors(i).data(), state->Errors(j).data(), state->Lens(i).data()};
     if (!shared) blocks.push_back(state->Lens(j).data());
     ceres->problem->AddResidualBlock(new MeasuredOverlapCost(std::move(measured), share, shared),
                                      nullptr, blocks);
@@ -48,41 +48,14 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   add(pair.b, pair.a, pair.of_b);
 }
 
-/// Priors of a block whose columns begin at `column`.
-void AddPriors(const Eigen::VectorXd& sigmas, Eigen::Index column, std::size_t count,
-               double* values, CeresProblem* ceres) {
-  ceres->problem->AddResidualBlock(
-      PriorCost(sigmas.segment(column, static_cast<Eigen::Index>(count))), nullptr, values);
-}
-
-/// Priors of the errors of frames whose poses are sought, and of their sensors.
-void AddSensorPriors(const JointProblem& problem, const Eigen::VectorXd& sigmas,
-                     const std::vector<char>& constant, State* state, CeresProblem* ceres) {
-  std::set<int> sought;
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (constant[static_cast<std::size_t>(problem.layout.Pose(i))]) continue;
-    sought.insert(problem.frame_of[i].sensor);
-    AddPriors(sigmas, problem.layout.Offset(i), 1, &state->offsets[i], ceres);
-    AddPriors(sigmas, problem.layout.Nuisance(i, 0), kNuisances, state->nuisances[i].data(), ceres);
-  }
-  for (const int sensor : sought) {
-    const auto s = static_cast<std::size_t>(sensor);
-    AddPriors(sigmas, problem.layout.GainOfSensor(s), 1, &state->gains[s], ceres);
-    AddPriors(sigmas, problem.layout.FocalOfSensor(s), 1, &state->focals[s], ceres);
-    AddPriors(sigmas, problem.layout.ErrorsOfSensor(s), kFrameErrors, state->errors[s].data(),
-              ceres);
-  }
-}
-
 /// Residuals of one frame.
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
   if (observed.faces.empty()) return;
   ceres->problem->AddResidualBlock(
       new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Gain(i), state->Focal(i), state->nuisances[i].data(), state->Errors(i),
-      state->Lens(i).data(), &state->size, state->boxes[state->StillOf(i)].data(),
-      state->bulges[state->StillOf(i)].data());
+      state->Errors(i).data(), state->Lens(i).data(), &state->size,
+      state->boxes[state->StillOf(i)].data(), state->bulges[state->StillOf(i)].data());
 }
 
 /// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
@@ -105,59 +78,22 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
   }
 }
 
-/// The placements of all stills, with loose priors. The first stands where it stands.
-void AddPlacements(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, State* state,
-                   CeresProblem* ceres) {
-  for (std::size_t still = 0; still < layout.stills(); ++still) {
-    double* placement = state->placements[still].values;
-    ceres->problem->AddParameterBlock(placement, 7, ceres->manifold.get());
-    if (still == 0) {
-      ceres->problem->SetParameterBlockConstant(placement);
-      continue;
-    }
-    const Eigen::Index column = layout.Placement(still);
-    ceres->problem->AddResidualBlock(
-        PosePriorCost(state->placements[still].ToPose(), sigmas[column], sigmas[column + 3]),
-        nullptr, placement);
+/// A block with its prior, and what of it stays as it is. The prior of a pose is about where it is.
+void AddBlock(const ParameterLayout::Block& block, const Eigen::VectorXd& sigmas,
+              const std::vector<char>& constant, CeresProblem* ceres) {
+  const bool is_pose = block.size != block.tangent_size;
+  ceres->problem->AddParameterBlock(block.values, block.size,
+                                    is_pose ? ceres->manifold.get() : nullptr);
+  ceres->problem->AddResidualBlock(
+      is_pose ? PosePriorCost(PoseBlock::ToPose(block.values), sigmas[block.column],
+                              sigmas[block.column + 3])
+              : PriorCost(sigmas.segment(block.column, block.size)),
+      nullptr, block.values);
+  std::vector<int> elements;
+  for (int k = 0; k < block.tangent_size; ++k) {
+    if (constant[static_cast<std::size_t>(block.column + k)]) elements.push_back(k);
   }
-}
-
-/// The size and the boxes of all stills, with their priors.
-void AddBuild(const ParameterLayout& layout, const Eigen::VectorXd& sigmas, State* state,
-              CeresProblem* ceres) {
-  ceres->problem->AddParameterBlock(&state->size, 1);
-  AddPriors(sigmas, layout.Size(), 1, &state->size, ceres);
-  for (std::size_t still = 0; still < layout.stills(); ++still) {
-    std::vector<double>& boxes = state->boxes[still];
-    ceres->problem->AddParameterBlock(boxes.data(), static_cast<int>(boxes.size()));
-    AddPriors(sigmas, layout.Boxes(still), boxes.size(), boxes.data(), ceres);
-    std::vector<double>& bulges = state->bulges[still];
-    ceres->problem->AddParameterBlock(bulges.data(), static_cast<int>(bulges.size()));
-    AddPriors(sigmas, layout.Bulges(still), bulges.size(), bulges.data(), ceres);
-  }
-}
-
-/// Priors of the lenses, and what large planes say.
-void AddLensTerms(const JointProblem& problem, const Eigen::VectorXd& sigmas, State* state,
-                  CeresProblem* ceres) {
-  for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
-    double* change = state->lenses[lens].data();
-    AddPriors(sigmas, problem.layout.Lens(lens), kLensParameters, change, ceres);
-    ceres->problem->AddResidualBlock(LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
-                                     change);
-  }
-}
-
-/// Tells Ceres which parameters stay as they are.
-void HoldConstant(const ParameterLayout& layout, const std::vector<char>& constant, State* state,
-                  CeresProblem* ceres) {
-  for (const ParameterLayout::Block& block : layout.Blocks(state)) {
-    std::vector<int> elements;
-    for (int k = 0; k < block.tangent_size; ++k) {
-      if (constant[static_cast<std::size_t>(block.column + k)]) elements.push_back(k);
-    }
-    ceres->HoldConstant(block.values, block.tangent_size, elements);
-  }
+  ceres->HoldConstant(block.values, block.tangent_size, elements);
 }
 
 }  // namespace
@@ -180,27 +116,20 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
   const Eigen::VectorXd sigmas = PriorSigmas(problem, observed)
                                      .cwiseProduct(layout.Scales(state->scales))
                                      .unaryExpr(&Positive);
+  for (const ParameterLayout::Block& block : layout.Blocks(state))
+    AddBlock(block, sigmas, constant, &ceres);
+  double* first = state->placements[0].values;
+  ceres.problem->AddParameterBlock(first, 7, ceres.manifold.get());
+  ceres.problem->SetParameterBlockConstant(first);
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    double* pose = state->poses[i].values;
-    ceres.problem->AddParameterBlock(pose, 7, ceres.manifold.get());
-    ceres.problem->AddParameterBlock(&state->offsets[i], 1);
-    ceres.problem->AddParameterBlock(state->Gain(i), 1);
-    ceres.problem->AddParameterBlock(state->Focal(i), 1);
-    ceres.problem->AddParameterBlock(state->nuisances[i].data(), kNuisances);
-    ceres.problem->AddParameterBlock(state->Errors(i), kFrameErrors);
-    ceres.problem->AddParameterBlock(state->Lens(i).data(), kLensParameters);
-    const Eigen::Index column = layout.Pose(i);
-    ceres.problem->AddResidualBlock(
-        PosePriorCost(state->poses[i].ToPose(), sigmas[column], sigmas[column + 3]), nullptr, pose);
-    if (!constant[static_cast<std::size_t>(column)])
+    if (!constant[static_cast<std::size_t>(layout.Pose(i))])
       AddStructureTerms(problem, observed[i], i, state, &ceres);
   }
-  AddPlacements(layout, sigmas, state, &ceres);
-  AddSensorPriors(problem, sigmas, constant, state, &ceres);
   AddTies(problem, held, state, &ceres);
-  AddLensTerms(problem, sigmas, state, &ceres);
-  AddBuild(layout, sigmas, state, &ceres);
-  HoldConstant(layout, constant, state, &ceres);
+  for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
+    ceres.problem->AddResidualBlock(LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
+                                    state->lenses[lens].data());
+  }
   for (const PairOverlap& pair : overlaps) AddOverlapTerms(problem, observed, pair, state, &ceres);
   return ceres;
 }

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/random.h"
 #include "core/geometry/sensor_kind.h"
 #include "infer/refine/residuals.h"
 #include "infer/refine/terms.h"
@@ -25,151 +26,16 @@ using testing_infer::RingPose;
 constexpr double kSigma = 0.002;  // m, of each observation
 constexpr int kBox = 2;           // the one that stands elsewhere
 
-/// One sensor that has seen, from where it is thought to be, the stack with a box out of its place.
-struct OneBoxElsewhere {
-  Structure structure = PaperStructure();
-  SensorPoints points;
-  Pose pose = RingPose(35);
-  std::vector<FrameInput> frames{{testing_infer::Borrowed(points), pose}};
-  JointProblem problem;
-  std::vector<double> displaced;  // the boxes as they stand
-  Solution solution;
-
-  explicit OneBoxElsewhere(double bulge_sigma_m = 0)
-      : problem(structure, frames, WithBulges(bulge_sigma_m)) {
-    solution.state = NominalState(structure, {pose});
-    solution.held = {0};
-    displaced = solution.state.boxes[0];
-    displaced[static_cast<std::size_t>(BuildModel::X(kBox))] = 0.006;
-    displaced[static_cast<std::size_t>(BuildModel::Z(kBox))] = -0.004;
-    FrameObservations observed =
-        Observe(problem.model.Built({&solution.state.size, displaced.data()}), pose, 12);
-    const auto n = static_cast<Eigen::Index>(observed.faces.size());
-    observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
-    observed.edge_root = Eigen::MatrixXd(0, 0);
-    solution.observed = {observed};
-  }
-  static RefineOptions WithBulges(double sigma) {
-    RefineOptions options;
-    options.bulge_sigma_m = sigma;
-    return options;
-  }
-  Disagreement Measure(const char* estimate) const {
-    return MeasureDisagreement(problem, solution,
-                               AskedFor(ParseEstimate(estimate), problem.priors, 1), 0);
-  }
-};
-
 constexpr char kWithoutLens[] = "boxes,size,depth_gain,depth_offset";
 
-TEST(MeasureDisagreement, IsWhatTheSensorsOwnLeastSquaresGainBeyondItsOwnErrors) {
-  const OneBoxElsewhere scene;
-  const FrameObservations& observed = scene.solution.observed[0];
-  const ParameterLayout& layout = scene.problem.layout;
-  const Eigen::VectorXd sigmas = layout.PriorSigmas(scene.problem.priors, {observed.noise.depth});
-  // Residuals and priors in standard deviations, of steps in the pose's tangent space and in the
-  // other parameters, but for the lens.
-  const auto errors = [&](const Eigen::VectorXd& step) {
-    State state = scene.solution.state;
-    const Vector6d turn = step.head<6>();
-    state.poses[0] = PoseBlock(PerturbLeft(turn, scene.pose));
-    state.offsets[0] += step[layout.Offset(0)];
-    state.gains[0] += step[layout.Gain(0)];
-    for (int k = 0; k < kNuisances; ++k)
-      state.nuisances[0][static_cast<std::size_t>(k)] += step[layout.Nuisance(0, k)];
-    for (int k = 0; k < kFrameErrors; ++k)
-      state.errors[0][static_cast<std::size_t>(k)] += step[layout.FrameErrors(0) + k];
-    state.size += step[layout.Size()];
-    for (std::size_t k = 0; k < state.boxes[0].size(); ++k)
-      state.boxes[0][k] += step[layout.Boxes() + static_cast<Eigen::Index>(k)];
-    Eigen::VectorXd r;
-    Residuals(scene.problem.model, observed, state.Parameters(0), &r, nullptr);
-    Eigen::VectorXd all(r.size() + layout.size());
-    all << r / kSigma, (layout.Values(state)).cwiseQuotient(sigmas.unaryExpr([](double sigma) {
-      return std::max(sigma, 1e-9);
-    }));
-    return all;
-  };
-  constexpr double kStep = 1e-5;
-  const Eigen::VectorXd at = errors(Eigen::VectorXd::Zero(layout.size()));
-  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(at.size(), layout.size());
-  for (Eigen::Index k = 0; k < layout.size(); ++k) {
-    if (k >= layout.Lens(0) && k < layout.Size()) continue;
-    const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(layout.size(), k);
-    jacobian.col(k) = (errors(step) - errors(-step)) / (2 * kStep);
-  }
-  const auto after_best = [&at](const Eigen::MatrixXd& by) -> Eigen::VectorXd {
-    return at - by * by.completeOrthogonalDecomposition().solve(at);
-  };
-  const Eigen::VectorXd left = after_best(jacobian);
-  const auto rms = [&](const Eigen::VectorXd& of) {
-    const auto n = static_cast<Eigen::Index>(observed.faces.size());
-    return kSigma * std::sqrt(of.head(n).squaredNorm() / static_cast<double>(n));
-  };
-  const Disagreement disagreement = scene.Measure(kWithoutLens);
-  const double gain = (at.squaredNorm() - left.squaredNorm()) / 2;
-  ASSERT_GT(gain, 40);
-  EXPECT_NEAR(disagreement.cost, gain, 0.01 * gain);
-  EXPECT_NEAR(disagreement.rms_together, rms(at), 1e-6);
-  EXPECT_NEAR(disagreement.rms_alone, rms(left), 0.02 * rms(left));
-  EXPECT_TRUE(Disagrees(disagreement, 13));
-}
-
-// Boxes stand in their places; a side that bulges by 3 mm is none of the others' business.
-TEST(MeasureDisagreement, IsNotWhatABulgeExplains) {
-  const auto cost = [](double sigma) {
-    OneBoxElsewhere scene(sigma);
-    FrameObservations& observed = scene.solution.observed[0];
-    const auto faces = observed.faces.size();
-    observed = Observe(scene.structure, scene.pose, 12);
-    const auto n = static_cast<Eigen::Index>(observed.faces.size());
-    observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
-    observed.edge_root = Eigen::MatrixXd(0, 0);
-    EXPECT_NEAR(static_cast<double>(n), static_cast<double>(faces), 5);
-    for (FaceObservation& face : observed.faces) {
-      const Side& side = scene.structure.SideOfLabel(face.label);
-      const double out = 0.003 * side.BulgeAt(scene.pose * face.p) * (face.label % 2 ? 1 : -1);
-      face.p += out * scene.pose.linear().transpose() * side.normal;
-    }
-    const double flat = scene.Measure(kWithoutLens).cost;
-    for (double& bulge : scene.solution.state.bulges[0]) bulge = 0.004;
-    EXPECT_NEAR(scene.Measure(kWithoutLens).cost, flat, 1e-9) << "wherever the solution has them";
-    return flat;
-  };
-  EXPECT_GT(cost(0), 2);
-  EXPECT_LT(cost(0.002), 0.5 * cost(0));
-}
-
-TEST(MeasureDisagreement, WhatIsNotAskedForIsAsItIsInTheSolution) {
-  OneBoxElsewhere scene;
-  scene.solution.state.boxes[0] = scene.displaced;
-  scene.solution.state.UpdateBuilt(scene.problem.model);
-  // The boxes stand where the sensor saw them: where they are not to be moved, it has nothing to
-  // gain, and the priors of their places are none of its business.
-  const Disagreement held = scene.Measure("depth_gain,depth_offset");
-  EXPECT_NEAR(held.cost, 0, 1e-3);
-  EXPECT_NEAR(held.rms_alone, held.rms_together, 1e-5);
-  EXPECT_GT(scene.Measure(kWithoutLens).cost, 0.1);
-}
-
-TEST(Disagrees, IsUnlikelyAndPlainToSeeOrVeryUnlikely) {
+TEST(Disagrees, IsUnlikelyByChance) {
   // Of half a chi-square with 13 degrees of freedom, 0.1 % lie above 17.26 (tables: 34.528).
   EXPECT_NEAR(UnlikelyCost(13), 17.26, 0.15);
   EXPECT_NEAR(UnlikelyCost(4), 18.467 / 2, 0.15);
-  Disagreement of;
-  of.rms_alone = 0.004;
-  of.rms_together = 0.0054;
-  of.cost = 30;
-  EXPECT_FALSE(Disagrees(of, 13)) << "one of many, and little worse";
-  of.rms_together = 0.0056;
-  EXPECT_TRUE(Disagrees(of, 13)) << "farther off than measurements are by themselves";
-  EXPECT_FALSE(Disagrees(of, 61)) << "of so many boxes, as much is to be expected";
-  of.cost = 16;
-  EXPECT_FALSE(Disagrees(of, 13)) << "by chance";
-  of.cost = 45;
-  of.rms_together = of.rms_alone;
-  EXPECT_TRUE(Disagrees(of, 13));
-  EXPECT_FALSE(Disagrees(of, 0)) << "nothing in common";
+  EXPECT_TRUE(Disagrees({18, 13}));
+  EXPECT_FALSE(Disagrees({18, 61})) << "of so many numbers, as much is to be expected";
+  EXPECT_FALSE(Disagrees({16, 13})) << "by chance";
+  EXPECT_FALSE(Disagrees({45, 0})) << "nothing is predicted";
 }
 
 /// Sensors that see the stack as it is described, and before them one that saw a box elsewhere.
@@ -210,8 +76,18 @@ struct OddOne {
     observed.edge_root = Eigen::MatrixXd(0, 0);
     return observed;
   }
-  double Contradiction(std::size_t a, std::size_t b) const {
-    return MeasureContradiction(*problem, solution, asked_for, a, b);
+  /// Of the first sensor, as `by` predict it.
+  Disagreement InnovationBy(const std::vector<std::size_t>& by) const {
+    const QuadraticCost all = CostAround(*problem, solution);
+    const Eigen::VectorXd precisions = all.prior_sigmas.cwiseAbs2().cwiseInverse();
+    NormalEquations predicted{precisions.asDiagonal(), precisions.cwiseProduct(all.values)};
+    for (const std::size_t i : by) {
+      const OwnMeasurements own = MeasurementsOf(*problem, solution, i);
+      predicted.information(own.columns, own.columns) += own.information;
+      predicted.gradient(own.columns) += own.gradient;
+    }
+    return Innovation(MeasurementsOf(*problem, solution, 0), predicted, all,
+                      problem->layout.Constant(asked_for));
   }
 
   /// Half the least sum of squares, in standard deviations, of what some sensors measured and of
@@ -249,13 +125,29 @@ struct OddOne {
   }
 };
 
-TEST(MeasureContradiction, IsWhatOneStackCostsMoreThanTwo) {
+// The least sum of squares of all, less that of those that predict, is that of the sensor's numbers
+// from their prediction, and what of its own residuals no parameter explains.
+TEST(Innovation, IsWhatTheSensorAddsToTheOthersLeastSquares) {
   const OddOne scene(0.012);
-  const double expected = scene.LeastCost({0, 1}) - scene.LeastCost({0}) - scene.LeastCost({1});
-  ASSERT_GT(expected, 10);
-  EXPECT_NEAR(scene.Contradiction(0, 1), expected, 0.02 * expected);
-  EXPECT_NEAR(scene.Contradiction(1, 0), expected, 0.02 * expected);
-  EXPECT_NEAR(scene.Contradiction(1, 2), 0, 0.1);
+  for (const std::vector<std::size_t>& by : std::vector<std::vector<std::size_t>>{{1}, {1, 2}}) {
+    std::vector<std::size_t> all = by;
+    all.push_back(0);
+    const double expected = scene.LeastCost(all) - scene.LeastCost(by);
+    ASSERT_GT(expected, 10);
+    const Disagreement disagreement = scene.InnovationBy(by);
+    EXPECT_NEAR(disagreement.cost, expected, 0.05 * expected) << by.size();
+    EXPECT_GT(disagreement.predicted, 3u);
+    EXPECT_TRUE(Disagrees(disagreement));
+  }
+  EXPECT_LT(OddOne(0).InnovationBy({1, 2}).cost, 0.1);
+}
+
+TEST(Innovation, OfABoxThatIsHeldIsNone) {
+  OddOne scene(0.012);
+  const double free = scene.InnovationBy({1, 2}).cost;
+  scene.asked_for.boxes = scene.asked_for.size = false;
+  const Disagreement held = scene.InnovationBy({1, 2});
+  EXPECT_LT(held.cost, 0.5 * free) << "the pose is open, and nothing else is predicted";
 }
 
 TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
@@ -269,8 +161,20 @@ TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
   ASSERT_FALSE(agreed.of[0]->contradicts.empty());
   EXPECT_EQ(agreed.of[0]->contradicts.front(), 1) << "the other side of the stack tells less";
-  EXPECT_TRUE(Disagrees(agreed.measured[0], 13));
+  EXPECT_TRUE(Disagrees(agreed.measured[0]));
   EXPECT_LT(agreed.measured[1].cost, 1) << "in the solution without the odd one";
+}
+
+TEST(SetAsideDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
+  OddOne scene(0, {}, {35, 70, 180, 250, 310});
+  RandomStream random(3, 0, "noise");
+  for (FrameObservations& observed : scene.solution.observed) {
+    for (FaceObservation& face : observed.faces)
+      face.p *= 1 + random.Normal(0, 2.2 * kSigma) / face.p.norm();
+  }
+  const Agreed agreed =
+      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_FALSE(agreed.of[i].has_value()) << i;
 }
 
 TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
@@ -327,8 +231,11 @@ TEST(SetAsideDisagreeing, KeepsAsideWhatWasAsideEarlier) {
 TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   OddOne scene(0.04);
   for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
-  scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
-  scene.solution.state.frame_of = scene.problem->frame_of;
+  scene.frames[2].still = 1;
+  scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
+                                                 std::vector<SensorLens>(), 2);
+  scene.solution.state = NominalState(scene.structure, scene.poses, scene.problem->lenses,
+                                      scene.problem->frame_of, std::vector<Pose>(2, Pose::Identity()));
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
@@ -355,34 +262,14 @@ TEST(SetAsideDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   EXPECT_TRUE(agreed.of[1].has_value());
 }
 
-TEST(MeasureContradiction, IsNoneWhereNumbersFail) {
+TEST(Innovation, IsNoneWhereNumbersFail) {
   OddOne scene(0.012);
-  FrameObservations& observed = scene.solution.observed[1];
-  observed.face_root *= std::nan("");
-  EXPECT_EQ(scene.Contradiction(0, 1), 0);
-  // Finite, but of no use: measurements that are more exact than numbers are, by a little and by so
-  // much that their squares are no numbers.
+  FrameObservations& observed = scene.solution.observed[0];
   const auto n = static_cast<Eigen::Index>(observed.faces.size());
-  for (const double sigma : {1e-12, 1e-160}) {
+  for (const double sigma : {std::nan(""), 1e-160}) {
     observed.face_root = sigma * Eigen::MatrixXd::Identity(n, n);
-    EXPECT_EQ(scene.Contradiction(0, 1), 0) << sigma;
+    EXPECT_EQ(scene.InnovationBy({1, 2}).cost, 0) << sigma;
   }
-}
-
-TEST(MeasureDisagreement, IsNoneWhereNumbersFail) {
-  OneBoxElsewhere scene;
-  Eigen::MatrixXd& root = scene.solution.observed[0].face_root;
-  for (const double sigma : {std::nan(""), 1e-12}) {
-    root = sigma * Eigen::MatrixXd::Identity(root.rows(), root.cols());
-    EXPECT_EQ(scene.Measure(kWithoutLens).cost, 0) << sigma;
-  }
-}
-
-TEST(MeasureDisagreement, WithoutFacesThereIsNone) {
-  OneBoxElsewhere scene;
-  scene.solution.observed[0].faces.clear();
-  scene.solution.observed[0].face_root = Eigen::MatrixXd(0, 0);
-  EXPECT_EQ(scene.Measure(kWithoutLens).cost, 0);
 }
 
 }  // namespace

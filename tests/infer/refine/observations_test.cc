@@ -68,11 +68,12 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   // About the upper median of -1, -1, 1, 1 and 50 mm, which is 1 mm: squares 4 + 4 mm^2, of four
   // points that are worth two.
   EXPECT_NEAR(face.variance, 2 * 8e-6 / 16, 1e-12);
-  EXPECT_NEAR(face.multipath, 0, 1e-9) << "nothing rises in front of the top box";
   const Side& side = block.structure.SideOfLabel(block.label);
   EXPECT_EQ(face.bulge, side.BulgeAt(block.pose * face.p));
-  FrameErrorVector by_errors =
+  SensorErrorVector by_errors = SensorErrorVector::Zero();  // no multipath: nothing rises in front
+  by_errors.head<kFrameErrors>() =
       FrameErrorsAt(observed.noise.depth, face.p, block.pose.linear().transpose() * side.normal);
+  by_errors[kGain] = 1.5;
   by_errors[kBounced] = BouncedShare(block.structure, side, block.pose * face.p,
                                      block.pose.translation(), observed.noise.depth.bounce_reach_m);
   EXPECT_TRUE(face.by_errors.isApprox(by_errors, 1e-9)) << face.by_errors.transpose();

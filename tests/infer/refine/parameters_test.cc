@@ -60,23 +60,10 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                    [i](State* s, double h) { s->offsets[i] += h; }});
   }
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
-    all.push_back({"gain of sensor " + std::to_string(i), layout.GainOfSensor(i),
-                   [i](State* s, double h) { s->gains[i] += h; }});
-    all.push_back({"focal length of sensor " + std::to_string(i), layout.FocalOfSensor(i),
-                   [i](State* s, double h) { s->focals[i] += h; }});
-    for (int k = 0; k < kFrameErrors; ++k) {
+    for (int k = 0; k < kSensorErrors; ++k) {
       all.push_back({"error" + std::to_string(k) + " of sensor " + std::to_string(i),
-                     layout.ErrorsOfSensor(i) + k, [i, k](State* s, double h) {
-                       s->errors[i][static_cast<std::size_t>(k)] += h;
-                     }});
-    }
-  }
-  for (std::size_t i = 0; i < layout.frames(); ++i) {
-    const std::string of = " of frame " + std::to_string(i);
-    for (const int k : {kMultipath, kEdgeShift, kEdgeShift + 1}) {
-      all.push_back(
-          {"nuisance" + std::to_string(k) + of, layout.Nuisance(i, k),
-           [i, k](State* s, double h) { s->nuisances[i][static_cast<std::size_t>(k)] += h; }});
+                     layout.ErrorsOfSensor(i) + k,
+                     [i, k](State* s, double h) { s->errors[i][k] += h; }});
     }
   }
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
@@ -162,9 +149,6 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     // Into the memory that Ceres refers to.
     std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
     std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
-    std::copy(before.gains.begin(), before.gains.end(), state.gains.begin());
-    std::copy(before.focals.begin(), before.focals.end(), state.focals.begin());
-    std::copy(before.nuisances.begin(), before.nuisances.end(), state.nuisances.begin());
     std::copy(before.errors.begin(), before.errors.end(), state.errors.begin());
     std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
     std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
@@ -201,17 +185,17 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   seam.tilt_m = 0.003;
   seam.bounce_m = 0.004;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {seam, none}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + 5 + kFrameErrors) + 3 + 1 + (3 + 5) * 3);
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + kSensorErrors) + 3 + 1 + (3 + 5) * 3);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
     EXPECT_EQ(sigmas[layout.Offset(i)], 0.007);
-    EXPECT_EQ(sigmas[layout.Gain(i)], 0.003);
-    EXPECT_EQ(sigmas[layout.Focal(i)], 0.0015);
-    EXPECT_EQ(sigmas[layout.Nuisance(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
-    EXPECT_EQ(sigmas[layout.Nuisance(i, kEdgeShift + 1)], 0.7);
-    EXPECT_EQ(sigmas[layout.FrameErrors(i) + kTiltColumns], i == 0 ? 0.003 : 1e-6);
-    EXPECT_NEAR(sigmas[layout.FrameErrors(i) + kBounced], i == 0 ? 0.00462 : 1e-6, 1e-5)
+    EXPECT_EQ(sigmas[layout.Error(i, kGain)], 0.003);
+    EXPECT_EQ(sigmas[layout.Error(i, kFocal)], 0.0015);
+    EXPECT_EQ(sigmas[layout.Error(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
+    EXPECT_EQ(sigmas[layout.Error(i, kEdgeShift) + 1], 0.7);
+    EXPECT_EQ(sigmas[layout.ErrorsOfSensor(i) + kTiltColumns], i == 0 ? 0.003 : 1e-6);
+    EXPECT_NEAR(sigmas[layout.ErrorsOfSensor(i) + kBounced], i == 0 ? 0.00462 : 1e-6, 1e-5)
         << "root mean square of what lies evenly within twice the mean";
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
@@ -234,14 +218,14 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstant) {
   constexpr int kKnownLens = kLensParameters + 2;  // and the sensors' own focal lengths
   EXPECT_EQ(held(layout.Constant(free)), 12 + 2 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
-  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kNuisances + kFrameErrors);
+  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kSensorErrors - 2) << "gain and focal length are held already";
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;
   with_lens.lens = {1};
   const std::vector<char> lens_without_0 = layout.Constant(with_lens, {1, 0});
-  EXPECT_TRUE(lens_without_0[static_cast<std::size_t>(layout.Focal(0))]);
-  EXPECT_FALSE(lens_without_0[static_cast<std::size_t>(layout.Focal(1))]);
+  EXPECT_TRUE(lens_without_0[static_cast<std::size_t>(layout.Error(0, kFocal))]);
+  EXPECT_FALSE(lens_without_0[static_cast<std::size_t>(layout.Error(1, kFocal))]);
 }
 
 TEST(AskedFor, LeavesOutWhatAPriorOfZeroFixes) {

@@ -122,9 +122,6 @@ struct ParameterPoint {
     using Columns = refine_internal::FrameColumns;
     return {x.data(),
             x.data() + Columns::kOffset,
-            x.data() + Columns::kGain,
-            x.data() + Columns::kFocal,
-            x.data() + Columns::kNuisance,
             x.data() + Columns::kErrors,
             x.data() + Columns::kLens,
             {x.data() + Columns::kSize, x.data() + Columns::kBoxes,
@@ -159,10 +156,9 @@ inline refine_internal::FrameObservations Observe(const Structure& structure, co
       const double z = view.depth(u, v);
       face.p = z * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
       face.label = view.labels(u, v);
-      face.multipath = 0.1 * (u % 7);
       face.bulge = structure.SideOfLabel(face.label).BulgeAt(pose * face.p);
       face.by_errors << face.p.head<2>() * z / 4, face.p.x() * face.p.y() / 4, 0.1 * (u % 3),
-          0.2 * (v % 5);
+          0.2 * (v % 5), -0.1 * (u % 7), z, 0, 0, 0;
       face.variance = 1e-8;
       observed.faces.push_back(face);
     }

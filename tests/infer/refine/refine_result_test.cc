@@ -56,10 +56,10 @@ struct TwoStills {
     for (std::size_t i = 0; i < 4; ++i) {
       const double number = 1 + static_cast<double>(i);
       solution.state.offsets[i] = 0.001 * number;
-      agreed.measured[i] = {0.1 * number, 0.002 * number, 0.001 * number,
-                            1e-6 * number * Matrix6d::Identity()};
+      agreed.measured[i] = {0.1 * number, 5};
     }
-    solution.state.gains = {0.002, -0.001};
+    solution.state.errors[0][kGain] = 0.002;
+    solution.state.errors[1][kGain] = -0.001;
     solution.state.lenses[0] = LensChange(0.001, 0.002, 0.003);
     solution.state.size = 0.004;
     const Eigen::Index n = problem->layout.size();
@@ -92,8 +92,6 @@ TEST(MakeResult, FramesAreTheStates) {
     EXPECT_NEAR(frame.depth_offset, i == 2 ? 0 : 0.001 * (static_cast<double>(i) + 1), 1e-12);
     EXPECT_NEAR(frame.depth_gain, i == 2 ? 1 : (i % 2 == 0 ? 1.002 : 0.999), 1e-12);
     EXPECT_EQ(frame.disagreement, two.agreed.measured[i].cost);
-    EXPECT_EQ(frame.rms_together, two.agreed.measured[i].rms_together);
-    EXPECT_EQ(frame.rms_alone, two.agreed.measured[i].rms_alone);
     EXPECT_FALSE(frame.refused_fit.has_value());
     EXPECT_EQ(frame.problem, "");
   }
@@ -178,12 +176,13 @@ TEST(MakeResult, AFrameThatWasSetAsideKeepsItsOwn) {
   aside.alone = two.agreed.solution.state;
   aside.alone.poses[1] = PoseBlock(RingPose(88));
   aside.alone.offsets[1] = 0.02;
-  aside.alone.gains[1] = 0.03;
+  aside.alone.errors[1][kGain] = 0.03;
+  aside.covariance = 2e-6 * Matrix6d::Identity();
   two.agreed.of[1] = aside;
   const RefinedFrame frame = two.Result().frames[1];
   EXPECT_TRUE(frame.solved);
   EXPECT_TRUE(frame.structure_from_sensor.isApprox(RingPose(88), 1e-12));
-  EXPECT_TRUE(frame.covariance.isApprox(two.agreed.measured[1].covariance, 1e-12));
+  EXPECT_TRUE(frame.covariance.isApprox(aside.covariance, 1e-12));
   EXPECT_NEAR(frame.depth_offset, 0.02, 1e-12);
   EXPECT_NEAR(frame.depth_gain, 1.03, 1e-12);
   ASSERT_TRUE(frame.refused_fit.has_value());
@@ -242,7 +241,7 @@ TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
 TEST(MakeResult, PairsAreOfOneStill) {
   TwoStills two;
   two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.gains.assign(2, 0);
+  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
   const std::vector<RefinedPair> pairs = two.Result().pairs;
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(std::make_pair(pairs[0].a, pairs[0].b), std::make_pair(0, 1));
@@ -256,13 +255,13 @@ TEST(MakeResult, PairsAreOfOneStill) {
 TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   TwoStills two;
   two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.gains.assign(2, 0);
+  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
   difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
   const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
   EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
-  two.agreed.of[3] = SetAside{Pose::Identity(), {}, two.agreed.solution.state};
+  two.agreed.of[3] = SetAside{Pose::Identity(), {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
   const RefineResult result = two.Result();
   EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
@@ -273,7 +272,7 @@ TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   TwoStills two;
   State& state = two.agreed.solution.state;
   state.offsets.assign(4, 0);
-  state.gains.assign(2, 0);
+  state.errors.assign(2, SensorErrorVector::Zero());
   for (FrameObservations& observed : two.agreed.solution.observed)
     observed.noise.depth.white_m = observed.noise.depth.smooth_m = 0;
   const ParameterLayout& layout = two.problem->layout;
@@ -295,7 +294,7 @@ TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   const double offset = predict(layout.Offset(2), 0.01);
   EXPECT_GT(offset, 0.004);
   EXPECT_LT(offset, 0.01 * 1.5) << "along rays up to 45 deg off the axis";
-  EXPECT_GT(predict(layout.Gain(2), 0.01), offset) << "everything is farther than 1 m";
+  EXPECT_GT(predict(layout.Error(2, kGain), 0.01), offset) << "everything is farther than 1 m";
   predict(layout.Pose(2), 0);
   two.agreed.solution.observed[3].noise.depth.white_m = 0.01;
   const double white = two.Result().pairs.at(1).predicted_rms;
