@@ -188,6 +188,14 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
       ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
   NetworkSegmenter* const segmenter = labeller.network.get();
   out.structure = structure ? *structure : segmenter->structure();
+  if (!structure && request.last_structure &&
+      request.last_structure->sha256 != out.structure.Hash()) {
+    throw ConfigError(
+        fmt::format("the last calibration has the structure \"{}\", the model knows \"{}\", and "
+                    "the capture names "
+                    "none; give the structure of the last calibration with --structure",
+                    request.last_structure->name, out.structure.name()));
+  }
   WarnOf(out.structure);
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 

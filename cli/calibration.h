@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,9 @@ struct CalibrationRequest {
   std::vector<std::string> assignments, choose;
   bool no_report = false;
   TableOutput table;
+  /// Of an earlier calibration, with which this one is compared: a model's own structure may not
+  /// stand in for another one.
+  std::optional<Extrinsics::StructureId> last_structure;
 };
 
 /// All options but --output and --capture, whose meaning is the sub-command's.

@@ -55,10 +55,12 @@ void AddCheckOptions(CLI::App* app, CheckOptions* options) {
 
 int RunCheck(const CheckOptions& options) {
   const Extrinsics last = ReadExtrinsics(options.last);
+  CalibrationRequest request = options.request;
+  request.last_structure = last.structure;
   Extrinsics now_extrinsics;
   RigCheck check;
   const Calibration now =
-      RunCalibration(options.request, [&](const Calibration& calibration, ReportRun* report) {
+      RunCalibration(request, [&](const Calibration& calibration, ReportRun* report) {
         now_extrinsics = MakeExtrinsics(calibration.result, calibration.stills,
                                         calibration.structure, calibration.source);
         check = CheckRig(options.last, last, now_extrinsics, options.movement);

@@ -202,9 +202,10 @@ void MeasuredOverlapCost::EvaluateMatch(const MeasuredMatch& match, double const
       errors_b(parameters[kErrors + 1]);
   const Eigen::Vector3d seen_a = match.a.Through(parameters[kLens], errors_a[kFocal]),
                         seen_b = match.b.Through(parameters[lens_b], errors_b[kFocal]);
-  const Eigen::Vector3d
-      p = Corrected(seen_a, 0, *parameters[kOffset] + match.a.by_errors.dot(errors_a)),
-      q = Corrected(seen_b, 0, *parameters[kOffset + 1] + match.b.by_errors.dot(errors_b));
+  const Eigen::Vector3d p = Corrected(seen_a, 0,
+                                      *parameters[kOffset] + match.a.by_errors.dot(errors_a)),
+                        q = Corrected(seen_b, 0,
+                                      *parameters[kOffset + 1] + match.b.by_errors.dot(errors_b));
   const double gain = 1 + (errors_a[kGain] + errors_b[kGain]) / 2;
   const double weight = match.weight / gain;
   *residual = PointToPlane(p, q, match.n_b, weight, parameters, jacobians);

@@ -27,7 +27,7 @@ double PointToPlane(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Ei
 struct LensPoint {
   Eigen::Vector3d p;
   RayByLensMatrix by_lens;
-  LensChange lens;                                        ///< with which p was measured
+  LensChange lens;                                          ///< with which p was measured
   SensorErrorVector by_errors = SensorErrorVector::Zero();  ///< see FaceObservation
 
   /// Where it is when the lens is another, and the sensor's own focal length (see State).

@@ -245,7 +245,7 @@ bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
 /// What a frame's own measurements and the priors make most probable, the lens being known. It
 /// begins at the frame's start: others may have pulled it out of reach of what it measured.
 std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
-                                std::size_t frame, Solution solution) {
+                                   std::size_t frame, Solution solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (i != frame) HoldFrame(problem, i, &solution);
   }
@@ -316,11 +316,10 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
     }
     const QuadraticCost own = CostAround(problem, *alone);
     const Eigen::Index column = problem.layout.Pose(*worst);
-    agreed.of[*worst] = SetAside{
-        agreed.solution.state.poses[*worst].ToPose(), FindContradicted(problem, cost, *worst),
-        std::move(alone->state),
-        ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
-            .covariance.block<6, 6>(column, column)};
+    agreed.of[*worst] = SetAside{agreed.solution.state.poses[*worst].ToPose(),
+                                 FindContradicted(problem, cost, *worst), std::move(alone->state),
+                                 ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
+                                     .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);
   }
   return agreed;

@@ -127,8 +127,8 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
     Priors own = priors;
     own.focal = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
     sigmas.segment<kSensorErrors>(ErrorsOfSensor(SensorOf(i))) =
-        SharedPriorSigmas(own, errors[i], {}).segment<kSensorErrors>(FrameColumns::kErrors -
-                                                                     FrameColumns::kOffset);
+        SharedPriorSigmas(own, errors[i], {})
+            .segment<kSensorErrors>(FrameColumns::kErrors - FrameColumns::kOffset);
   }
   // As many priors as a sensor has frames, all but equal, are to say no more than one.
   for (std::size_t i = 0; i < frames(); ++i)

@@ -85,7 +85,8 @@ inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 inline double Square(double x) { return x * x; }
 
 /// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, errors of the sensor, lens, size, boxes, bulges. `errors`: the frame's noise model.
+/// FrameColumns: offset, errors of the sensor, lens, size, boxes, bulges. `errors`: the frame's
+/// noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
                                   const BuildSize& build);
 
@@ -127,7 +128,7 @@ struct State {
   double size = 0;                          ///< of all boxes, scale - 1
   std::vector<std::vector<double>> boxes;   ///< of each still, see BuildModel
   std::vector<std::vector<double>> bulges;  ///< of each still, see BuildModel
-  PriorScales scales = kWholePriors;  ///< of the priors; they are estimated as well
+  PriorScales scales = kWholePriors;        ///< of the priors; they are estimated as well
   /// Of each still, the structure as the build had it when it was last solved for: what points are
   /// matched with.
   std::vector<Structure> built;

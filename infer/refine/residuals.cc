@@ -197,8 +197,7 @@ void Residuals(const BuildModel& model, const FrameObservations& observed,
     (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
     ++row;
   }
-  if (jacobian)
-    jacobian->col(FrameColumns::kErrors + kFocal) = jacobian->col(FrameColumns::kLens);
+  if (jacobian) jacobian->col(FrameColumns::kErrors + kFocal) = jacobian->col(FrameColumns::kLens);
 }
 
 void WhitenedResiduals(const BuildModel& model, const FrameObservations& observed,

@@ -174,6 +174,13 @@ class Results(WithACapture):
         self.assertAlmostEqual(found[1]["rotation_deg"], 2, delta=0.2)
         self.assertTrue(self.read("now/extrinsics.json"))
         self.expect(check + "updated.json", 0, "nothing moved: all 3 agree")
+        # Of other boxes, and neither the capture nor an option names any: the model's do not stand in for them.
+        last, capture = self.json("last/extrinsics.json"), self.json("stills/placement_2/capture.json")
+        last["structure"] = {**last["structure"], "name": "my boxes", "sha256": "0" * 64}
+        capture.pop("structure", None)
+        self.write("last/extrinsics.json", json.dumps(last))
+        self.write("stills/placement_2/capture.json", json.dumps(capture))
+        self.expect_error(check + "last/extrinsics.json", "my boxes", "--structure")
 
     def test_plan_names_a_sensor_that_sees_nothing(self):
         self.write("blind.yaml", "sensors: [{name: D, rho_cm: 200, look_at_cm: [900, 0, 0]}]\n")

@@ -234,8 +234,9 @@ TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   scene.frames[2].still = 1;
   scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
                                                  std::vector<SensorLens>(), 2);
-  scene.solution.state = NominalState(scene.structure, scene.poses, scene.problem->lenses,
-                                      scene.problem->frame_of, std::vector<Pose>(2, Pose::Identity()));
+  scene.solution.state =
+      NominalState(scene.structure, scene.poses, scene.problem->lenses, scene.problem->frame_of,
+                   std::vector<Pose>(2, Pose::Identity()));
   const Agreed agreed =
       SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);

@@ -218,7 +218,8 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstant) {
   constexpr int kKnownLens = kLensParameters + 2;  // and the sensors' own focal lengths
   EXPECT_EQ(held(layout.Constant(free)), 12 + 2 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
-  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kSensorErrors - 2) << "gain and focal length are held already";
+  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kSensorErrors - 2)
+      << "gain and focal length are held already";
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;

@@ -618,7 +618,7 @@ TEST(SensorCost, IsWhitenedByTheCovariance) {
   at.x[7] = 0.005;
   const SensorCost cost(model, observed);
   const FrameParameters p = at.Parameters();
-  const std::array<const double*, 7> blocks = {p.pose,       p.offset,      p.errors, p.lens,
+  const std::array<const double*, 7> blocks = {p.pose,       p.offset,      p.errors,      p.lens,
                                                p.build.size, p.build.boxes, p.build.bulges};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
