@@ -136,9 +136,10 @@ std::vector<std::string> NextCommands(const CalibrationRequest& request) {
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option(
          "--model", request->model,
-         "checkpoint, or its ONNX export; shipped: the program's own (models/m05-lite.safetensors) "
-         "where the structure is the one that it knows; none, and shipped elsewhere: poses "
-         "come from the structure's shape alone, whatever its boxes")
+         "checkpoint, or its ONNX export. shipped: the program's own "
+         "(models/m05-lite.safetensors), "
+         "or none if it does not know the structure. none: poses come from the structure's shape "
+         "alone")
       ->capture_default_str();
   app->add_option("--structure", request->structure,
                   "the structure (.yaml); without it the capture's, else the model's");

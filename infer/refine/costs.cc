@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <utility>
 
 #include "infer/refine/parameters.h"
@@ -164,7 +165,8 @@ RobustResidual MakeRobust(double residual, double share) {
   const double square = residual * residual;
   std::array<double, 3> loss{};  // and its derivatives by the square
   RobustLoss().Evaluate(square, loss.data());
-  const double root = square > 1e-8 ? std::sqrt(loss[0] / square) : 1;
+  const double root =
+      square > std::numeric_limits<float>::epsilon() ? std::sqrt(loss[0] / square) : 1;
   return {residual * std::sqrt(share) * root, std::sqrt(share) * loss[1] / root};
 }
 

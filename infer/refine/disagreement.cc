@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <utility>
@@ -12,18 +13,13 @@
 #include "core/base/statistics.h"
 #include "core/geometry/factor.h"
 #include "infer/refine/residuals.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
 namespace {
 
 constexpr double kShownBy = 0.5;  // share of the largest contradiction
-/// A direction in which a frame's measurements are this many times less exact than the prior tells
-/// nothing; one that the prediction leaves open by so many standard deviations of them is not
-/// predicted.
-constexpr double kUntold = 5, kUnpredicted = 100;
-/// Share of a prior's precision from which on something else is known, too.
-constexpr double kMoreThanPrior = 1 + 1e-9;
 /// By what noise models may understate variances. Four real Kinects: 2.8; simulated ones 0.4 to
 /// 1.4.
 constexpr double kMostVarianceFactor = 3;
@@ -56,7 +52,9 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   for (std::size_t k = 0; k < own.columns.size(); ++k) {
     const Eigen::Index column = own.columns[k];
     if (constant[static_cast<std::size_t>(column)]) continue;
-    const bool told = predicted.information(column, column) > kMoreThanPrior * precision(column);
+    // More than its prior, but for rounding.
+    const bool told = predicted.information(column, column) >
+                      (1 + std::numeric_limits<float>::epsilon()) * precision(column);
     (told ? shared : alone).push_back(static_cast<Eigen::Index>(k));
   }
   std::vector<Eigen::Index> free;
@@ -88,7 +86,7 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   if (!information.allFinite() || !gradient.allFinite()) return {};
   // Along the eigenvectors the frame measures independent numbers, each with a variance of 1.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
-  const Eigen::Index told = (solver.eigenvalues().array() > 1 / Square(kUntold)).count();
+  const Eigen::Index told = (solver.eigenvalues().array() > kNotable).count();
   if (told == 0) return {};
   const Eigen::VectorXd roots = solver.eigenvalues().tail(told).cwiseSqrt();
   const Eigen::MatrixXd vectors = solver.eigenvectors().rightCols(told);
@@ -99,18 +97,10 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   const Eigen::VectorXd innovation =
       roots.cwiseInverse().asDiagonal() * (vectors.transpose() * gradient) -
       by * factor->solve(Eigen::VectorXd(predicted.gradient(free)));
-  // In directions in which the errors of the prediction are independent.
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> directions(
-      by * factor->solve(Eigen::MatrixXd(by.transpose())));
-  const Eigen::VectorXd off = directions.eigenvectors().transpose() * innovation;
-  Disagreement disagreement;
-  for (Eigen::Index k = 0; k < told; ++k) {
-    const double variance = std::max(0.0, directions.eigenvalues()[k]);
-    if (!(variance < Square(kUnpredicted))) continue;
-    disagreement.cost += 0.5 * off[k] * off[k] / (1 + variance);
-    ++disagreement.predicted;
-  }
-  return std::isfinite(disagreement.cost) ? disagreement : Disagreement();
+  Eigen::MatrixXd covariance = by * factor->solve(Eigen::MatrixXd(by.transpose()));
+  covariance.diagonal().array() += 1;
+  const double cost = 0.5 * innovation.dot(covariance.ldlt().solve(innovation));
+  return std::isfinite(cost) ? Disagreement{cost, static_cast<std::size_t>(told)} : Disagreement();
 }
 
 double UnlikelyCost(std::size_t predicted) {
