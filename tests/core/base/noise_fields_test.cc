@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/random.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::noise_fields_test {
 namespace {
@@ -57,11 +58,9 @@ TEST(SmoothUnitNoise, IsAThreeTapGaussianEachWay) {
     return norm * (noise(u, v) + side * (left + right));
   };
   std::vector<double> expected;
-  for (int v = 0; v < 4; ++v) {
-    for (int u = 0; u < 5; ++u) {
-      const double above = along(u, std::max(v - 1, 0)), below = along(u, std::min(v + 1, 3));
-      expected.push_back(norm * (along(u, v) + side * (above + below)));
-    }
+  for (const auto [u, v] : Pixels(5, 4)) {
+    const double above = along(u, std::max(v - 1, 0)), below = along(u, std::min(v + 1, 3));
+    expected.push_back(norm * (along(u, v) + side * (above + below)));
   }
   SmoothUnitNoise(1.2, 1.2, &noise);
   for (std::size_t i = 0; i < noise.size(); ++i) EXPECT_NEAR(noise[i], expected[i], 1e-5) << i;

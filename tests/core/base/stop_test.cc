@@ -63,12 +63,6 @@ TEST(Stop, ReachesAllTasksOfParallelFor) {
   EXPECT_LE(begun, 4) << "those that had not begun do not begin";
 }
 
-}  // namespace
-}  // namespace volalign::stop_test
-
-namespace volalign::interrupt_test {
-namespace {
-
 int g_reached = 0;  // signals that came to the handler of before
 
 TEST(InterruptGuard, NotesSignalsWhileItLivesAndGivesThemBack) {
@@ -199,12 +193,6 @@ TEST(EndOnInterrupt, LeavesGuardsAndIgnoredSignalsAlone) {
   EXPECT_EQ(said, "");
 }
 
-}  // namespace
-}  // namespace volalign::interrupt_test
-
-namespace volalign::parallel_for_test {
-namespace {
-
 /// How often each task ran, and on how many threads.
 struct Counts {
   std::vector<int> runs;
@@ -257,14 +245,8 @@ TEST(ParallelFor, DoesTheWorkWithTheThreadsThatThereAre) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::parallel_for_test
-
 // The expected streams are written down here from the index alone; delays make the threads finish
 // in another order.
-namespace volalign::ordered_prefetch_test {
-namespace {
-
 using Stream = OrderedPrefetch<std::uint64_t>;
 
 void Sleep(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
@@ -397,4 +379,4 @@ TEST(OrderedPrefetch, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace volalign::ordered_prefetch_test
+}  // namespace volalign::stop_test

@@ -14,6 +14,7 @@
 #include "core/base/random.h"
 #include "core/formats/palette_png.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/read_png.h"
 #include "tests/core/formats/write_pgm.h"
@@ -244,7 +245,7 @@ bool Readable(const std::filesystem::path& path) {
       if (reader == 2) ReadPngRgb(path);
       any = true;
     } catch (const DataError& e) {
-      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos);
+      EXPECT_FALSE(Has(e.what(), "\n"));
     }
   }
   return any;
@@ -284,12 +285,6 @@ TEST(DepthUnits, WhatDoesNotFitIsNoMeasurement) {
             (std::vector<int>{65535, 0, 0, 0, 0, 1234, 1235}));
 }
 
-}  // namespace
-}  // namespace volalign::image_io_test
-
-namespace volalign::palette_png_test {
-namespace {
-
 /// The colour type in a PNG's header: 3 is a palette, 2 is none.
 int ColourType(const std::string& bytes) { return static_cast<unsigned char>(bytes.at(25)); }
 
@@ -314,4 +309,4 @@ TEST(PalettePng, AnEmptyPictureIsAnError) {
 }
 
 }  // namespace
-}  // namespace volalign::palette_png_test
+}  // namespace volalign::image_io_test

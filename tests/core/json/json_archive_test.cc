@@ -15,6 +15,7 @@
 #include "core/json/strict_json.h"
 #include "core/json/table.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
 
 namespace volalign::json_archive_test {
 namespace {
@@ -169,7 +170,7 @@ TEST(JsonArchive, WritesTextThatIsNoUtf8) {
   Thing thing;
   thing.title = "caf\xe9.png";
   const std::string text = WriteDescribed(thing, "thing", 1);
-  EXPECT_NE(text.find("\"caf\xef\xbf\xbd.png\""), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "\"caf\xef\xbf\xbd.png\""));
 }
 
 TEST(JsonArchive, ReadingNamesThePlace) {
@@ -250,12 +251,6 @@ TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::json_archive_test
-
-namespace volalign::strict_json_test {
-namespace {
-
 std::string Nested(int levels) {
   return std::string(static_cast<std::size_t>(levels), '[') +
          std::string(static_cast<std::size_t>(levels), ']');
@@ -309,12 +304,6 @@ TEST(JsonObject, MessagesAreShort) {
   EXPECT_EQ(ShownJson({1, "a\x7f"}), "[1,\"a\\x7f\"]");
 }
 
-}  // namespace
-}  // namespace volalign::strict_json_test
-
-namespace volalign::table_test {
-namespace {
-
 Table TwoSensors() {
   Table table;
   table.columns = {"sensor", {"rms_m", "rms mm", 1000, 1}, "sides", "refined", {"reason", ""}};
@@ -335,11 +324,11 @@ TEST(FormatTable, LeavesOutWhatNoRowHas) {
   for (auto& row : table.rows) row[1] = Table::Cell();
   EXPECT_EQ(FormatTable(table, TableFormat::kText).rfind("sensor  sides  refined\n", 0), 0u);
   table.rows[0][0] = "a\n\xff";
-  EXPECT_NE(FormatTable(table, TableFormat::kText).find("a\\x0a\\xff"), std::string::npos);
+  EXPECT_TRUE(Has(FormatTable(table, TableFormat::kText), "a\\x0a\\xff"));
   EXPECT_EQ(nlohmann::json::parse(FormatTable(table, TableFormat::kJson))[0].at("sensor"),
             "a\\x0a\\xff");
   table.rows.clear();
-  EXPECT_NE(FormatTable(table, TableFormat::kText).find("rms mm"), std::string::npos);
+  EXPECT_TRUE(Has(FormatTable(table, TableFormat::kText), "rms mm"));
 }
 
 TEST(FormatTable, QuotesCsv) {
@@ -363,4 +352,4 @@ TEST(FormatTable, JsonHasObjectsOfWhatIsKnown) {
 }
 
 }  // namespace
-}  // namespace volalign::table_test
+}  // namespace volalign::json_archive_test

@@ -17,6 +17,7 @@
 #include "core/base/file_util.h"
 #include "core/base/provenance.h"
 #include "core/nn/safetensors.h"
+#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/nn/run_check.h"
 
@@ -49,8 +50,8 @@ class CheckpointTest : public testing::Test {
       LoadCheckpoint(path);
     } catch (const E& e) {
       std::string message = e.what();
-      EXPECT_EQ(message.find('\n'), std::string::npos) << message;
-      EXPECT_NE(message.find(path.filename().string()), std::string::npos) << message;
+      EXPECT_FALSE(Has(message, "\n"));
+      EXPECT_TRUE(Has(message, path.filename().string()));
       return message;
     } catch (const std::exception& e) {
       ADD_FAILURE() << "another exception: " << e.what();
@@ -145,11 +146,11 @@ TEST_F(CheckpointTest, RefusesTruncatedChangedAndForeignFiles) {
 TEST_F(CheckpointTest, RefusesOtherFormats) {
   const fs::path bad = folder_ / "bad.safetensors";
   WriteTensorFile(bad, {"volalign.checkpoint/999", "{}", {}});
-  EXPECT_NE(LoadError<DataError>(bad).find("volalign.checkpoint/999"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(bad), "volalign.checkpoint/999"));
   WriteTensorFile(bad, {kCheckpointFormat, "{}", {}});
-  EXPECT_NE(LoadError<DataError>(bad).find("metadata"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(bad), "metadata"));
   WriteFileAtomically(bad, WriteSafetensors({{{"format", "pt"}}, {{"a", at::zeros({2})}}}));
-  EXPECT_NE(LoadError<DataError>(bad).find("it has no volalign.json"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(bad), "it has no volalign.json"));
 }
 
 /// A file as earlier versions wrote it.
@@ -177,7 +178,7 @@ TEST_F(CheckpointTest, ConvertsThePicklesOfEarlierVersions) {
   const TensorFile file = ReadTensorFile(saved, kCheckpointFormat);
   const std::string digest = ReadSafetensors(ReadFile(saved)).texts.at("digest");
   WritePickle(old, {"volalign.checkpoint/1", file.meta, file.tensors}, digest);
-  EXPECT_NE(LoadError<DataError>(old).find("packaging/convert_checkpoint.py"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(old), "packaging/convert_checkpoint.py"));
   ASSERT_EQ(Convert(old, converted), 0);
   EXPECT_TRUE(ReadFile(converted) == ReadFile(saved));
 
@@ -221,11 +222,11 @@ TEST_F(CheckpointTest, ComparesTheMetadataBeforeItBuildsTheNetwork) {
     WriteTensorFile(path, {good.format, meta.dump(), good.tensors});
     return LoadError<DataError>(path);
   };
-  EXPECT_NE(error_with(1200, 1).find("base_channels in [1, 1024]"), std::string::npos);
-  EXPECT_NE(error_with(2, 2000000).find("residual_blocks in [0, 64]"), std::string::npos);
-  EXPECT_NE(error_with(1024, 64).find("instead of ["), std::string::npos);
-  EXPECT_NE(error_with(2, 2).find("'residual2_1.norm_bias' is missing"), std::string::npos);
-  EXPECT_EQ(error_with(2, 0).find("not a whole one"), std::string::npos);
+  EXPECT_TRUE(Has(error_with(1200, 1), "base_channels in [1, 1024]"));
+  EXPECT_TRUE(Has(error_with(2, 2000000), "residual_blocks in [0, 64]"));
+  EXPECT_TRUE(Has(error_with(1024, 64), "instead of ["));
+  EXPECT_TRUE(Has(error_with(2, 2), "'residual2_1.norm_bias' is missing"));
+  EXPECT_FALSE(Has(error_with(2, 0), "not a whole one"));
 }
 
 // A structure of two boxes of 200 km, and metadata of lists in lists.
@@ -236,9 +237,9 @@ TEST_F(CheckpointTest, LimitsTheMetadata) {
   nlohmann::ordered_json meta = nlohmann::ordered_json::parse(good.meta);
   meta["structure"]["boxes"][0]["size"] = {2e5, 2e5, 2e5};
   WriteTensorFile(path, {good.format, meta.dump(), good.tensors});
-  EXPECT_NE(LoadError<DataError>(path).find("10 mm to 100 m"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(path), "10 mm to 100 m"));
   WriteTensorFile(path, {good.format, std::string(200000, '[') + std::string(200000, ']'), {}});
-  EXPECT_NE(LoadError<DataError>(path).find("64 levels"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(path), "64 levels"));
 }
 
 TEST_F(CheckpointTest, NamesTheTensorThatDoesNotFit) {
@@ -249,24 +250,23 @@ TEST_F(CheckpointTest, NamesTheTensorThatDoesNotFit) {
   TensorFile file = good;
   file.tensors.erase("merge2.weight");
   WriteTensorFile(path, file);
-  EXPECT_NE(LoadError<DataError>(path).find("'merge2.weight' is missing"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(path), "'merge2.weight' is missing"));
 
   file = good;
   file.tensors["another.weight"] = at::zeros({2});
   WriteTensorFile(path, file);
-  EXPECT_NE(LoadError<DataError>(path).find("'another.weight'"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(path), "'another.weight'"));
 
   file = good;  // torch::load would take a [4,..] into a [5,..] without a word
   file.tensors["classifier.bias"] = at::zeros({20});
   WriteTensorFile(path, file);
   const std::string message = LoadError<DataError>(path);
-  EXPECT_NE(message.find("'classifier.bias' has the shape [20] instead of [21]"), std::string::npos)
-      << message;
+  EXPECT_TRUE(Has(message, "'classifier.bias' has the shape [20] instead of [21]"));
 
   file = good;
   file.tensors["classifier.bias"] = at::zeros({21}).to(at::kDouble);
   WriteTensorFile(path, file);
-  EXPECT_NE(LoadError<DataError>(path).find("type"), std::string::npos);
+  EXPECT_TRUE(Has(LoadError<DataError>(path), "type"));
 }
 
 TEST_F(CheckpointTest, RefusesToSaveWhatDoesNotBelongTogether) {
@@ -291,7 +291,7 @@ TEST_F(CheckpointTest, StructureMayChangeDimensionsOnly) {
     CheckStructure(meta_, Structure::FromBoxes("permuted", boxes, names));
     ADD_FAILURE() << "a permuted label order was accepted";
   } catch (const DataError& e) {
-    EXPECT_NE(std::string(e.what()).find("label 1"), std::string::npos) << e.what();
+    EXPECT_TRUE(Has(e.what(), "label 1"));
   }
   boxes.pop_back();
   EXPECT_THROW(CheckStructure(meta_, Structure::FromBoxes("three", boxes)), DataError);

@@ -16,6 +16,7 @@
 #include "core/base/error.h"
 #include "core/nn/checkpoint.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::export_torchscript_test {
@@ -49,7 +50,7 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
       ExportTorchScript(folder / "model.safetensors", folder / "model.ts");
       torch::jit::ExtraFilesMap extra{{"volalign.json", ""}};
       torch::jit::Module script = torch::jit::load((folder / "model.ts").string(), at::kCPU, extra);
-      EXPECT_NE(extra["volalign.json"].find("\"top/front\""), std::string::npos);
+      EXPECT_TRUE(Has(extra["volalign.json"], "\"top/front\""));
       net->eval();
       const std::vector<std::pair<int, int>> sizes = {{16, 16}, {45, 80}, {33, 47}, {144, 160}};
       for (const auto& [height, width] : sizes) {

@@ -16,6 +16,7 @@
 
 #include "core/base/error.h"
 #include "core/nn/paper_net.h"
+#include "tests/core/base/has.h"
 
 namespace volalign::network_test {
 namespace {
@@ -74,8 +75,7 @@ TEST(StructureNet, NamesEveryParameterAfterItsLayer) {
   }
   EXPECT_EQ(names.count("encoder1_1.bias"), 0u);
   EXPECT_EQ(net->named_buffers().size(), 33u * 2);
-  EXPECT_NE(net->prettyString().find("encoder1_2   5x5 2 -> 4"), std::string::npos)
-      << net->prettyString();
+  EXPECT_TRUE(Has(net->prettyString(), "encoder1_2   5x5 2 -> 4"));
 }
 
 TEST(StructureNet, GivesLogProbabilitiesForOddSizes) {
@@ -244,8 +244,7 @@ TEST(RegisterNetwork, MakesAKindOfNetwork) {
     const StructureNet unknown(options);
     FAIL() << "a kind that nobody registered";
   } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("model.kind = 'even'"), std::string::npos)
-        << error.what();
+    EXPECT_TRUE(Has(error.what(), "model.kind = 'even'"));
   }
   RegisterNetwork("even",
                   [](const StructureNetOptions& o) { return std::make_shared<EvenNet>(o); });
