@@ -6,6 +6,7 @@
 
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::boards_test {
 namespace {
@@ -56,16 +57,13 @@ TEST_F(Boards, HideTheShareThatLiesFarthestToTheirSide) {
       EXPECT_NEAR(lowest, structure_.FloorHeight(), 1e-5);  // it stands on the floor
       int hidden = 0, seen = 0;
       double u_hidden = 0, u_seen = 0, v_hidden = 0, v_seen = 0;
-      for (int v = 0; v < rays_.height; ++v) {
-        for (int u = 0; u < rays_.width; ++u) {
-          if (view.labels(u, v) == 0) continue;
-          const Eigen::Vector3d ray(rays_.at(u, v).x(), rays_.at(u, v).y(), 1);
-          const bool meets =
-              Meets(mesh, pose_.translation(), pose_.linear() * ray, view.depth(u, v));
-          (meets ? hidden : seen) += 1;
-          (meets ? u_hidden : u_seen) += u;
-          (meets ? v_hidden : v_seen) += v;
-        }
+      for (const auto [u, v] : Pixels(rays_.width, rays_.height)) {
+        if (view.labels(u, v) == 0) continue;
+        const Eigen::Vector3d ray(rays_.at(u, v).x(), rays_.at(u, v).y(), 1);
+        const bool meets = Meets(mesh, pose_.translation(), pose_.linear() * ray, view.depth(u, v));
+        (meets ? hidden : seen) += 1;
+        (meets ? u_hidden : u_seen) += u;
+        (meets ? v_hidden : v_seen) += v;
       }
       EXPECT_NEAR(hidden, share * (hidden + seen), 0.05 * (hidden + seen));
       ASSERT_GT(hidden, 0);

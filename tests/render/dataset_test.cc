@@ -20,6 +20,7 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/base/terminal.h"
 
@@ -143,7 +144,7 @@ TEST(Dataset, SaysOnATerminalHowFarItIs) {
   Terminal terminal;
   WriteDataset(folder.path(), Context(), options);
   const std::string seen = terminal.Seen();
-  EXPECT_NE(seen.find("samples, 99 of 100 ..."), std::string::npos) << seen;
+  EXPECT_TRUE(Has(seen, "samples, 99 of 100 ..."));
 }
 
 // The process is killed in the middle, as a cluster does it; the rows that it leaves name complete

@@ -7,6 +7,7 @@
 
 #include "core/base/error.h"
 #include "core/base/random.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::depth_statistics_test {
 namespace {
@@ -18,11 +19,9 @@ Intrinsics Camera(int width, int height) {
 /// z of the plane n.X = h along each pixel's ray.
 DepthImage PlaneDepth(const Intrinsics& k, const Eigen::Vector3d& n, double h) {
   DepthImage depth(k.width, k.height);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      depth(u, v) =
-          static_cast<float>(h / n.dot(Eigen::Vector3d((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1)));
-    }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    depth(u, v) =
+        static_cast<float>(h / n.dot(Eigen::Vector3d((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1)));
   }
   return depth;
 }
@@ -30,9 +29,7 @@ DepthImage PlaneDepth(const Intrinsics& k, const Eigen::Vector3d& n, double h) {
 TEST(DepthStatistics, HolesAndFieldOfViewByHand) {
   const Intrinsics k = Camera(40, 30);
   DepthImage depth(40, 30);
-  for (int v = 5; v < 25; ++v) {
-    for (int u = 10; u < 30; ++u) depth(u, v) = 2;
-  }
+  for (const auto [u, v] : Pixels({10, 5}, {30, 25})) depth(u, v) = 2;
   depth(15, 15) = depth(16, 15) = depth(20, 20) = 0;
   DepthStatistics statistics({});
   statistics.Add(depth, k);
@@ -83,20 +80,18 @@ TEST(DepthStatistics, AWallSeenThroughALensIsFlat) {
   Intrinsics k{160, 144, 126, 126, 79, 84, {0.92, 0.50, 0, 0, 0.028, 1.26, 0.75, 0.144}};
   DepthImage depth(k.width, k.height);
   const Eigen::Vector3d normal = Eigen::Vector3d(0.4, -0.3, 1).normalized();
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      // OpenCV's radial model, inverted by bisection.
-      const Eigen::Vector2d seen((u - k.cx) / k.fx, (v - k.cy) / k.fy);
-      double low = 0, high = 3;
-      for (int i = 0; i < 60; ++i) {
-        const double r = (low + high) / 2, r2 = r * r;
-        const double bent = r * (1 + r2 * (0.92 + r2 * (0.50 + r2 * 0.028))) /
-                            (1 + r2 * (1.26 + r2 * (0.75 + r2 * 0.144)));
-        (bent < seen.norm() ? low : high) = r;
-      }
-      const Eigen::Vector2d ray = seen.norm() > 0 ? seen * (low / seen.norm()) : seen;
-      depth(u, v) = static_cast<float>(1.6 / normal.dot(ray.homogeneous()));
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    // OpenCV's radial model, inverted by bisection.
+    const Eigen::Vector2d seen((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+    double low = 0, high = 3;
+    for (int i = 0; i < 60; ++i) {
+      const double r = (low + high) / 2, r2 = r * r;
+      const double bent = r * (1 + r2 * (0.92 + r2 * (0.50 + r2 * 0.028))) /
+                          (1 + r2 * (1.26 + r2 * (0.75 + r2 * 0.144)));
+      (bent < seen.norm() ? low : high) = r;
     }
+    const Eigen::Vector2d ray = seen.norm() > 0 ? seen * (low / seen.norm()) : seen;
+    depth(u, v) = static_cast<float>(1.6 / normal.dot(ray.homogeneous()));
   }
   DepthStatistics through_lens({}), pinhole({});
   through_lens.Add(depth, k);
@@ -116,13 +111,11 @@ TEST(DepthStatistics, TwoWallsAreTwoPlanesWithTheirWaves) {
   const DepthImage left = PlaneDepth(k, Eigen::Vector3d(-0.5, 0, 1).normalized(), 2.0);
   const DepthImage right = PlaneDepth(k, Eigen::Vector3d(0.5, 0, 1).normalized(), 2.0);
   DepthImage depth(k.width, k.height);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      // A standing wave of 5 mm amplitude, 2.5 mm rms, too long for 7x7 means to flatten.
-      const double wave =
-          0.005 * std::sin(2 * 3.14159265 * u / 48) * std::sin(2 * 3.14159265 * v / 48);
-      depth(u, v) = static_cast<float>(std::max(left(u, v), right(u, v)) + wave);
-    }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    // A standing wave of 5 mm amplitude, 2.5 mm rms, too long for 7x7 means to flatten.
+    const double wave =
+        0.005 * std::sin(2 * 3.14159265 * u / 48) * std::sin(2 * 3.14159265 * v / 48);
+    depth(u, v) = static_cast<float>(std::max(left(u, v), right(u, v)) + wave);
   }
   DepthStatistics statistics({});
   statistics.Add(depth, k);
@@ -133,9 +126,8 @@ TEST(DepthStatistics, TwoWallsAreTwoPlanesWithTheirWaves) {
     EXPECT_NEAR(plane.smooth_mm, 2.5 * 0.93, 0.25);
   }
   LabelImage labels(k.width, k.height);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) labels(u, v) = left(u, v) > right(u, v) ? 3 : 7;
-  }
+  for (const auto [u, v] : Pixels(k.width, k.height))
+    labels(u, v) = left(u, v) > right(u, v) ? 3 : 7;
   statistics.AddSides(depth, labels, k);
   ASSERT_EQ(statistics.sides().size(), 2U);
   EXPECT_NEAR(statistics.SideResidual(false), 2.5, 0.25);

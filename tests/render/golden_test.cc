@@ -22,7 +22,6 @@
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
-#include "render/capture_writer.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"

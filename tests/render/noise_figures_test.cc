@@ -11,6 +11,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/sample.h"
+#include "tests/core/base/tally.h"
 #include "tests/render/wall_scene.h"
 
 namespace volalign::noise_figures_test {
@@ -58,33 +59,26 @@ class NoiseFiguresTest : public testing::Test {
   /// frame's mean, `local` of the difference between pixels `lag` columns apart, as if independent.
   static Spread Measure(const std::vector<DepthImage>& frames, double z, bool in_disparity) {
     constexpr int kLag = 3;  // beyond the grain's correlation, far below the warp's
-    double whole = 0, whole_count = 0, local = 0, local_count = 0;
+    Tally whole, local;
     for (const DepthImage& frame : frames) {
       const auto error = [&](float d) {
         return in_disparity ? kFocalBaseline / d - kFocalBaseline / z : d - z;
       };
-      double mean = 0, count = 0;
-      for (const float d : frame) {
-        if (d <= 0) continue;
-        mean += error(d);
-        ++count;
-      }
-      mean /= count;
-      for (const float d : frame) {
-        if (d > 0) whole += std::pow(error(d) - mean, 2);
-      }
-      whole_count += count;
+      Tally errors;
+      for (const float d : frame)
+        if (d > 0) errors += error(d);
+      for (const float d : frame)
+        if (d > 0) whole += error(d) - errors.Mean();
       for (int v = 0; v < frame.height(); ++v) {
         for (int u = kLag; u + kLag < frame.width(); ++u) {
           const float a = frame(u - kLag, v), b = frame(u, v), c = frame(u + kLag, v);
           if (a <= 0 || b <= 0 || c <= 0) continue;
           // The second difference leaves out what is smooth; its variance is 1.5 times a pixel's.
-          local += std::pow(error(b) - 0.5 * (error(a) + error(c)), 2) / 1.5;
-          ++local_count;
+          local += (error(b) - 0.5 * (error(a) + error(c))) / std::sqrt(1.5);
         }
       }
     }
-    return {std::sqrt(local / local_count), std::sqrt(whole / whole_count)};
+    return {local.Rms(), whole.Rms()};
   }
 
   EglContext egl_;

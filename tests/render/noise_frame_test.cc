@@ -9,6 +9,8 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/subpixels.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
 #include "tests/render/corner_scene.h"
 
 namespace volalign::noise_frame_test {
@@ -39,19 +41,16 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
           FrameErrorsAt(model, p, pose.linear().transpose() * -Eigen::Vector3d::UnitX());
       const double expected =
           std::hypot(model.gain * z, at.cwiseProduct(FrameErrorSigmas(model)).norm());
-      constexpr int kDevices = 400;
-      double sum = 0, squares = 0;
-      for (std::uint64_t device = 0; device < kDevices; ++device) {
+      Tally errors;
+      for (std::uint64_t device = 0; device < 400; ++device) {
         NoisyView noisy{DepthImage(k.width, k.height, 0), view.labels};
         noisy.depth(u, v) = view.depth(u, v);
         AddFrameErrors(input, {9, device, "frame"}, &noisy);
-        const double error = noisy.depth(u, v) - z;
-        sum += error;
-        squares += error * error;
+        errors += noisy.depth(u, v) - z;
         EXPECT_EQ(noisy.depth(0, 0), 0);
       }
-      EXPECT_NEAR(std::sqrt(squares / kDevices), expected, 0.12 * expected) << sensor << u;
-      EXPECT_NEAR(sum / kDevices, 0, 0.2 * expected) << sensor << u;
+      EXPECT_NEAR(errors.Rms(), expected, 0.12 * expected) << sensor << u;
+      EXPECT_NEAR(errors.Mean(), 0, 0.2 * expected) << sensor << u;
     }
   }
 }
@@ -78,24 +77,22 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
   const Side floor = FloorOf(structure);
   const Subpixels bulging(input);
   int on_front = 0, on_floor = 0;
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      const double z = view.depth(u, v);
-      const Eigen::Vector3d q =
-          pose * Eigen::Vector3d(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
-      const int label = view.labels(u, v);
-      const bool is_floor = label == 0 && std::abs(q.y() - y) < 1e-3 && q.x() > 0.3 &&
-                            q.x() < 0.6 && std::abs(q.z()) < 0.2;
-      const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
-      if (!is_floor && !is_front) continue;
-      const double expected =
-          model.bounce_m * BouncedShare(structure, is_floor ? floor : structure.SideOfLabel(label),
-                                        q, pose.translation(), model.bounce_reach_m);
-      const double bulge =
-          bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);
-      EXPECT_NEAR(mean(u, v) - bulge, expected, 0.0005) << u << " " << v;
-      (is_floor ? on_floor : on_front) += expected > 0.002;
-    }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double z = view.depth(u, v);
+    const Eigen::Vector3d q =
+        pose * Eigen::Vector3d(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
+    const int label = view.labels(u, v);
+    const bool is_floor = label == 0 && std::abs(q.y() - y) < 1e-3 && q.x() > 0.3 && q.x() < 0.6 &&
+                          std::abs(q.z()) < 0.2;
+    const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
+    if (!is_floor && !is_front) continue;
+    const double expected =
+        model.bounce_m * BouncedShare(structure, is_floor ? floor : structure.SideOfLabel(label), q,
+                                      pose.translation(), model.bounce_reach_m);
+    const double bulge =
+        bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);
+    EXPECT_NEAR(mean(u, v) - bulge, expected, 0.0005) << u << " " << v;
+    (is_floor ? on_floor : on_front) += expected > 0.002;
   }
   EXPECT_GT(on_front, 200);
   EXPECT_GT(on_floor, 200);

@@ -10,6 +10,8 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/render/test_scene.h"
 
@@ -39,9 +41,8 @@ class Preview : public testing::Test {
 
 TEST_F(Preview, ShowsSamplesAndTheirFigures) {
   const std::string table = Write();
-  EXPECT_NE(table.find("realsense_d415, 64x36"), std::string::npos) << table;
-  EXPECT_NE(table.find("| figure | rendered | before noise |"), std::string::npos) << table;
-  EXPECT_NE(table.find("| frames | 2 | 2 |"), std::string::npos) << table;
+  EXPECT_TRUE(Has(table, "realsense_d415, 64x36", "| figure | rendered | before noise |",
+                  "| frames | 2 | 2 |"));
   EXPECT_GT(Picture().width(), 2 * 64);
 }
 
@@ -51,19 +52,16 @@ TEST_F(Preview, ComparesWithRealFramesOfTheSensorsAspectRatio) {
   const int height = Picture().height();
   config_.image_sizes = {"64x36"};
   Image16 depth(32, 18, 2000);
-  for (int v = 0; v < 18; ++v) {
-    for (int u = 0; u < 8; ++u) depth(u, v) = 0;  // a quarter
-  }
+  for (const auto [u, v] : Pixels(8, 18)) depth(u, v) = 0;  // a quarter
   WritePng(real_ / "A_depth.png", depth);
   WritePng(real_ / "labels" / "A.png", LabelImage(32, 18, 1));
   WritePng(real_ / "colour.png", Image16(7, 7));  // is left out
   options_.real_frames = real_;
   const std::string table = Write();
   // Samples have the size of the real frames.
-  EXPECT_NE(table.find("realsense_d415, 32x18"), std::string::npos) << table;
-  EXPECT_NE(table.find("| frames | 2 | 2 | 1 |"), std::string::npos) << table;
-  EXPECT_NE(table.find("| 75.0 |"), std::string::npos) << table;  // valid pixels, %
-  EXPECT_GT(Picture().height(), height + 18);                     // a row of real frames more
+  EXPECT_TRUE(Has(table, "realsense_d415, 32x18", "| frames | 2 | 2 | 1 |",
+                  "| 75.0 |"));                // valid pixels, %
+  EXPECT_GT(Picture().height(), height + 18);  // a row of real frames more
 }
 
 TEST_F(Preview, SaysWhichFramesItCannotUse) {

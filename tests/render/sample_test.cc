@@ -17,6 +17,8 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/has.h"
+#include "tests/core/base/pixels.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::sample_test {
@@ -135,13 +137,11 @@ TEST_F(SampleTest, ExactBareSampleIsWhatTheRayCasterSees) {
     const Sample sample = Synthesize(context, renderer_, 4, i);
     const ExpectedView truth =
         CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
-    for (int v = 0; v < sample.depth.height(); ++v) {
-      for (int u = 0; u < sample.depth.width(); ++u) {
-        if (IsEdge(truth.labels, truth.depth, u, v)) continue;
-        ++compared;
-        equal += sample.labels(u, v) == truth.labels(u, v) &&
-                 std::abs(sample.depth(u, v) - truth.depth(u, v)) < 1e-4F;
-      }
+    for (const auto [u, v] : Pixels(sample.depth)) {
+      if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+      ++compared;
+      equal += sample.labels(u, v) == truth.labels(u, v) &&
+               std::abs(sample.depth(u, v) - truth.depth(u, v)) < 1e-4F;
     }
   }
   EXPECT_GT(compared, 100'000);
@@ -230,23 +230,23 @@ TEST(SampleContextTest, NamesWhatIsWrong) {
   };
   SampleConfig config;
   config.sensors = {"kinect_v9"};
-  EXPECT_NE(message(config).find("kinect_v9"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "kinect_v9"));
   config = SampleConfig();
   config.image_sizes = {"160x160"};
-  EXPECT_NE(message(config).find("160x160"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "160x160"));
   // Each size has a sensor, but a sensor that is named has no size.
   config.image_sizes = {"160x144", "80x72"};
   for (const char* part : {"realsense_d415 (1280x720, 640x480)", "[160x144, 80x72]"}) {
-    EXPECT_NE(message(config).find(part), std::string::npos) << message(config);
+    EXPECT_TRUE(Has(message(config), part));
   }
   config.image_sizes = {"big"};
-  EXPECT_NE(message(config).find("big"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "big"));
   config = SampleConfig();
   config.pose.rho_cm = {200, 100};
   EXPECT_EQ(message(config).rfind("data.pose.rho_cm = [200, 100]", 0), 0U) << message(config);
   config = SampleConfig();
   config.pose.phi_jitter_deg = 10;
-  EXPECT_NE(message(config).find("phi_deg"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "phi_deg"));
   config = SampleConfig();
   EXPECT_EQ(message(config), "");
   EXPECT_THROW(MakeSampleContext(config, 0), ConfigError);

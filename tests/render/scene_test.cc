@@ -3,13 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "core/base/random.h"
 #include "core/geometry/structure.h"
 #include "render/pose_sampler.h"
+#include "tests/core/base/tally.h"
 
 namespace volalign::scene_test {
 namespace {
@@ -44,9 +44,8 @@ TEST_F(SceneTest, ExactAssemblyIsTheNominalStructure) {
 }
 
 TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
-  double sum_x = 0, sum_scale = 0;
-  constexpr int kCount = 400;
-  for (std::uint64_t i = 0; i < kCount; ++i) {
+  Tally x, scale;
+  for (std::uint64_t i = 0; i < 400; ++i) {
     const AssembledStructure built = Assemble(structure_, {4, 1, 0.5}, 3, i);
     double top = structure_.FloorHeight();
     for (std::size_t b = 0; b < built.box_offsets.size(); ++b) {
@@ -55,14 +54,12 @@ TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
       EXPECT_NEAR(pose.translation().y() - 0.5 * box.size.y(), top, 1e-9);
       EXPECT_NEAR(pose.linear()(1, 1), 1, 1e-12);  // turned about the vertical alone
       top = pose.translation().y() + 0.5 * box.size.y();
-      const double dx =
-          pose.translation().x() - structure_.boxes()[b].structure_from_box.translation().x();
-      sum_x += dx * dx;
+      x += pose.translation().x() - structure_.boxes()[b].structure_from_box.translation().x();
     }
-    sum_scale += std::pow(built.size_scale - 1, 2);
+    scale += built.size_scale - 1;
   }
-  EXPECT_NEAR(std::sqrt(sum_x / (4 * kCount)), 0.004, 0.0004);
-  EXPECT_NEAR(std::sqrt(sum_scale / kCount), 0.005, 0.0008);
+  EXPECT_NEAR(x.Rms(), 0.004, 0.0004);
+  EXPECT_NEAR(scale.Rms(), 0.005, 0.0008);
 }
 
 TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {

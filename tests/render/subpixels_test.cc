@@ -5,6 +5,7 @@
 #include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign {
 namespace {
@@ -32,15 +33,13 @@ TEST(Subpixels, FindsTheFacesOfPixelsAlongTheirRays) {
   const Seen seen({1.4, 0.3, 1.4});
   const Subpixels subpixels(seen.Input());
   int shown = 0, found = 0;
-  for (int v = 0; v < seen.k.height; ++v) {
-    for (int u = 0; u < seen.k.width; ++u) {
-      const int face = seen.view.faces(u, v) - 1;
-      if (face < 0) continue;
-      ++shown;
-      const Eigen::Vector3f ray = subpixels.Ray(u, v);
-      found += subpixels.FaceAlong(ray, u, v) == face;
-      EXPECT_NEAR(subpixels.Depth(face, ray), seen.view.depth(u, v), 0.03);
-    }
+  for (const auto [u, v] : Pixels(seen.k.width, seen.k.height)) {
+    const int face = seen.view.faces(u, v) - 1;
+    if (face < 0) continue;
+    ++shown;
+    const Eigen::Vector3f ray = subpixels.Ray(u, v);
+    found += subpixels.FaceAlong(ray, u, v) == face;
+    EXPECT_NEAR(subpixels.Depth(face, ray), seen.view.depth(u, v), 0.03);
   }
   EXPECT_GT(shown, 2000);
   // Pixels whose centre lies on an edge, to rounding, may be either face's.

@@ -8,6 +8,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
+#include "tests/core/base/has.h"
 #include "tests/render/both_renderers.h"
 
 namespace volalign::renderers_test {
@@ -18,7 +19,7 @@ TEST(ChooseRenderersTest, DecidesAuto) {
   EXPECT_EQ(ChooseRenderers("cpu").name, "cpu");
   EXPECT_EQ(ChooseRenderers("auto").name, EglContext().IsSoftware() ? "cpu" : "egl");
   EXPECT_EQ(ChooseRenderers("auto", {}, /*cuda_trains=*/true).name, "cpu");
-  EXPECT_NE(ChooseRenderers("auto", {}, true).description.find("GPU"), std::string::npos);
+  EXPECT_TRUE(Has(ChooseRenderers("auto", {}, true).description, "GPU"));
   EXPECT_THROW(ChooseRenderers("gl"), Error);
 }
 
