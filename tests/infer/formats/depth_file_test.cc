@@ -25,6 +25,7 @@
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
 
@@ -271,15 +272,13 @@ TEST_F(DepthFileTest, NpyHeadersThatAreNone) {
 
 TEST_F(DepthFileTest, Npy) {
   std::string rows, columns, big, halves;
-  for (int v = 0; v < kHeight; ++v) {
-    for (int u = 0; u < kWidth; ++u) {
-      rows += Bytes(static_cast<float>(0.001 * Value(u, v)));
-      const auto whole = static_cast<std::uint16_t>(Value(u, v));
-      big += static_cast<char>(whole >> 8);
-      big += static_cast<char>(whole & 255);
-      // 1024 to 2047 are a half's mantissa steps of 1: exponent 25 of 31, hence 0x6400.
-      halves += Bytes(static_cast<std::uint16_t>(0x6400 + whole - 1024 + 100));
-    }
+  for (const auto [u, v] : Pixels(kWidth, kHeight)) {
+    rows += Bytes(static_cast<float>(0.001 * Value(u, v)));
+    const auto whole = static_cast<std::uint16_t>(Value(u, v));
+    big += static_cast<char>(whole >> 8);
+    big += static_cast<char>(whole & 255);
+    // 1024 to 2047 are a half's mantissa steps of 1: exponent 25 of 31, hence 0x6400.
+    halves += Bytes(static_cast<std::uint16_t>(0x6400 + whole - 1024 + 100));
   }
   for (int u = 0; u < kWidth; ++u)
     for (int v = 0; v < kHeight; ++v) columns += Bytes(0.001 * Value(u, v));
