@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -13,17 +12,15 @@
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
 #include "infer/initial/relabel.h"
+#include "tests/core/base/has.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_choice_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
-using testing_infer::Scene;
-using testing_infer::StoredSegmenter;
+using namespace testing_infer;
 
 Pose Upright(double yaw_deg, double height) {
   Pose pose = Pose::Identity();
@@ -48,7 +45,7 @@ TEST(PosesOfTrials, AreThoseThatWereFoundAndTheirAliases) {
   };
   const InitialPose one = initial(true, 1), two = initial(true, 2), none = initial(false, 4);
   // Nothing was measured or labelled, so that no pose is estimated again.
-  const SensorView view = MakeSensorView(DepthImage(20, 10), testing_infer::Coarse());
+  const SensorView view = MakeSensorView(DepthImage(20, 10), Coarse());
   const SegmentationResult labels = Certain(LabelImage(20, 10));
   const std::vector<PoseTrial> trials = {{&labels, &none}, {&labels, &two}, {&labels, &one}};
   std::vector<StructureAlias> aliases(2);
@@ -80,8 +77,8 @@ TEST(PosesOfTrials, AreThoseThatWereFoundAndTheirAliases) {
 TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
   const Structure structure = PaperStructure();
   const Pose truth = RingPose(40);
-  const Intrinsics kinect = testing_infer::Kinect();
-  const auto rendered = testing_infer::Render(structure, kinect, truth, {true, 3.5});
+  const Intrinsics kinect = Kinect();
+  const auto rendered = Render(structure, kinect, truth, {true, 3.5});
   const SensorView view = MakeSensorView(rendered.depth, kinect);
   const std::vector<StructureAlias> aliases = FindAliases(structure);
   const auto step = std::find_if(aliases.begin(), aliases.end(),
@@ -129,15 +126,7 @@ TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
 }
 
 /// A wide picture that cuts the stack off at the top and the bottom.
-Intrinsics Wide() {
-  Intrinsics intrinsics;
-  intrinsics.width = 320;
-  intrinsics.height = 180;
-  intrinsics.fx = intrinsics.fy = 230;
-  intrinsics.cx = 159.5;
-  intrinsics.cy = 89.5;
-  return intrinsics;
-}
+Intrinsics Wide() { return {320, 180, 230, 230, 159.5, 89.5, {}}; }
 
 Pose WidePose(double phi_deg) {
   return RingPose(phi_deg, 1.65, 0, 0, Eigen::Vector3d(-0.05, -0.1, 0));
@@ -175,11 +164,9 @@ Rig BetweenWalls(int turns) {
   Rig rig = WideRig(20, turns, {false, 3.0});
   SensorFrame& frame = rig.frames.back();
   const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
-      if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.5) frame.depth(u, v) = 0;
-    }
+  for (const auto [u, v] : Pixels(view)) {
+    const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
+    if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.5) frame.depth(u, v) = 0;
   }
   return rig;
 }
@@ -193,8 +180,7 @@ TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForAnAlias) {
       const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, aliases[a].motion));
       ASSERT_TRUE(sensor.structure_from_sensor.has_value())
           << phi << " " << a << ": " << ToString(sensor.code) << ", " << sensor.reason;
-      EXPECT_LT(sensor.error->translation_m, 0.02) << phi << " " << a;
-      EXPECT_LT(sensor.error->rotation_deg, 1) << phi << " " << a;
+      EXPECT_TRUE(Within(*sensor.error, 0.02, 1)) << phi << " " << a;
       EXPECT_NE(sensor.code, SensorCode::kAmbiguous) << phi << " " << a;
       EXPECT_GT(sensor.label_iou, 0.6) << phi << " " << a;
     }
@@ -208,9 +194,8 @@ TEST(CompetingPoses, AMixtureOfBoxesIsReconciled) {
   for (std::size_t a = 0; a < aliases.size(); ++a) {
     if (aliases[a].boxes != 3 || !aliases[a].keeps_up()) continue;
     const LabelImage others = LabelsAs(rig, aliases[a].motion);
-    for (int v = 0; v < labels.height() / 2; ++v) {
-      for (int u = 0; u < labels.width(); ++u) labels(u, v) = others(u, v);
-    }
+    for (const auto [u, v] : Pixels(labels.width(), labels.height() / 2))
+      labels(u, v) = others(u, v);
     const FrameResult sensor = CalibrateAs(rig, labels);
     ASSERT_TRUE(sensor.structure_from_sensor.has_value())
         << ToString(sensor.code) << ", " << sensor.reason;
@@ -230,8 +215,8 @@ TEST(CompetingPoses, WithoutAFloorUpAndDownStayOpen) {
         << ToString(sensor.code) << ", " << sensor.reason;
     EXPECT_EQ(sensor.status, SensorStatus::kWeak);
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
-    EXPECT_NE(sensor.reason.find("upside down"), std::string::npos) << sensor.reason;
-    EXPECT_NE(sensor.hint.find("quarter_turns"), std::string::npos) << sensor.hint;
+    EXPECT_TRUE(Has(sensor.reason, "upside down"));
+    EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
   }
   const Rig given = BetweenWalls(3);
   const FrameResult sensor = CalibrateAs(given, given.labels.back());

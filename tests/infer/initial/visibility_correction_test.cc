@@ -11,11 +11,7 @@
 namespace volalign::visibility_correction_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// Brute force: the mean of a grid of points on the side, 4 mm apart, of those to which a ray from
 /// the sensor is free and that lie in the picture.
