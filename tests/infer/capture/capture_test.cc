@@ -20,7 +20,6 @@
 #include "infer/capture/capture_folder.h"
 #include "infer/capture/mean_depth.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
