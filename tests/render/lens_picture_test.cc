@@ -11,16 +11,7 @@
 namespace volalign::lens_picture_test {
 namespace {
 
-Intrinsics Barrel() {
-  Intrinsics lens;
-  lens.width = 40;
-  lens.height = 30;
-  lens.fx = lens.fy = 30;
-  lens.cx = 19.2;
-  lens.cy = 14.7;
-  lens.distortion = {-0.15, 0.02, 0, 0};
-  return lens;
-}
+Intrinsics Barrel() { return {40, 30, 30, 30, 19.2, 14.7, {-0.15, 0.02, 0, 0}}; }
 
 Eigen::Vector2d RayOf(const Intrinsics& pinhole, int u, int v) {
   return {(u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy};

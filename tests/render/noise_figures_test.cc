@@ -12,7 +12,8 @@
 #include "render/noise.h"
 #include "render/sample.h"
 #include "tests/core/base/tally.h"
-#include "tests/render/wall_scene.h"
+#include "tests/render/noise_scenes.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::noise_figures_test {
 namespace {
@@ -28,13 +29,7 @@ class NoiseFiguresTest : public testing::Test {
   NoiseFiguresTest() : structure_(ReadStructure("configs/structure.yaml")) {}
 
   static Intrinsics Camera(bool stereo) {
-    return {320,
-            stereo ? 180 : 288,
-            stereo ? 236.0 : 252.0,
-            stereo ? 236.0 : 252.0,
-            159.5,
-            stereo ? 89.5 : 143.5,
-            {}};
+    return stereo ? CentredCamera(320, 180, 236) : CentredCamera(320, 288, 252);
   }
 
   /// A bright, textured wall at z and perhaps a plate before it, of `half` height and width.
@@ -44,11 +39,10 @@ class NoiseFiguresTest : public testing::Test {
     const WallScene scene(renderer_, k, z, plate_z, half);
     std::vector<DepthImage> frames;
     frames.reserve(static_cast<std::size_t>(count));
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; ++i)
       frames.push_back(ApplyNoise({}, {scene.view, scene.mesh, structure_, k, scene.pose, sensor},
                                   5, static_cast<std::uint64_t>(i))
                            .depth);
-    }
     return frames;
   }
 
@@ -129,10 +123,8 @@ TEST_F(NoiseFiguresTest, TimeOfFlightEdgeGaps) {
 
 TEST_F(NoiseFiguresTest, ShareOfHolesInRooms) {
   for (const bool stereo : {false, true}) {
-    SampleConfig config;
-    config.sensors = {stereo ? kD415 : kAzure};
-    config.image_sizes = {stereo ? "320x180" : "320x288"};
-    const SampleContext context = MakeSampleContext(config, 1);
+    const SampleContext context =
+        MakeSampleContext(stereo ? SamplesOf(kD415, "320x180") : SamplesOf(kAzure, "320x288"), 1);
     DepthStatistics statistics({stereo});
     for (std::uint64_t i = 0; i < 160; ++i) {
       const Sample sample = Synthesize(context, renderer_, 12, i);

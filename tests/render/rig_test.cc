@@ -101,9 +101,7 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
     const DepthImage depth = ToMetres(ReadDepthFile(dir_ / entry.at("depth").get<std::string>()),
                                       json.at("depth_scale"));
     ASSERT_EQ(depth.size(), sensor.depth.size());
-    for (std::size_t p = 0; p < depth.size(); ++p) {
-      EXPECT_NEAR(depth[p], sensor.depth[p], 1e-5);
-    }
+    for (std::size_t p = 0; p < depth.size(); ++p) EXPECT_NEAR(depth[p], sensor.depth[p], 1e-5);
     EXPECT_TRUE(ReadPng8(dir_ / (sensor.name + "_labels.png")) == sensor.labels);
     const Pose pose = PoseFromRows(
         json.at("ground_truth").at(sensor.name).get<std::vector<std::vector<double>>>(), "test");

@@ -21,9 +21,9 @@
 #include "render/scene_mesh.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/pixels.h"
 #include "tests/render/both_renderers.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::gl_depth_renderer_test {
 namespace {
@@ -182,14 +182,7 @@ TEST_P(LensPictureTest, AgreesWithAnalyticRayCaster) {
   SceneMesh mesh;
   mesh.AppendStructure(structure);
   const std::array<Intrinsics, 3> cameras = {
-      Intrinsics{160,
-                 144,
-                 126.1,
-                 126.1,
-                 79.3,
-                 84.6,
-                 {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}},
-      Intrinsics{128, 106, 91.8, 91.8, 64.2, 51.1, {0.09, -0.27, 0, 0, 0.10}},
+      HalfKinect(), Intrinsics{128, 106, 91.8, 91.8, 64.2, 51.1, {0.09, -0.27, 0, 0, 0.10}},
       Intrinsics{120, 100, 130, 128, 58.7, 50.2, {-0.12, 0.04, 0.003, -0.002}}};
   std::mt19937 random(8);
   const auto uniform = [&random](double low, double high) {

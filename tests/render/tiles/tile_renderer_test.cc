@@ -12,6 +12,7 @@
 #include "core/geometry/lens.h"
 #include "render/sample.h"
 #include "tests/core/base/pixels.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign {
 
@@ -24,13 +25,7 @@ namespace tile_renderer_test {
 namespace {
 
 const Intrinsics kPinhole{161, 143, 126, 125, 79.3, 71.8, {}};
-const Intrinsics kKinect{160,
-                         144,
-                         126.1,
-                         126.1,
-                         79.3,
-                         84.6,
-                         {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}};
+const Intrinsics kKinect = HalfKinect();
 
 /// A large square at `distance` m along the optical axis, turned by `tilt` rad about an oblique
 /// axis.
@@ -125,9 +120,8 @@ TEST(TileRendererTest, EdgesLieWhereTheyProject) {
   TileRenderer renderer;
   RenderedView view;
   renderer.Render(mesh, k, Pose::Identity(), &view);
-  for (const auto [u, v] : Pixels(k.width, k.height)) {
+  for (const auto [u, v] : Pixels(k.width, k.height))
     EXPECT_EQ(view.labels(u, v), u > 20 && u <= 60 && v > 30 && v <= 50 ? 9 : 0);
-  }
 }
 
 // Small squares beside the picture's borders, inside, in pictures of either orientation and off
@@ -187,9 +181,8 @@ std::vector<RenderedView> SampleViews(const tiles::TileKernels& kernels, bool ba
   const SampleContext context = MakeSampleContext(config, 1);
   constexpr std::uint64_t kCount = 12;
   Recorder recorder(kernels);
-  for (std::uint64_t i = 0; i < kCount; ++i) {
+  for (std::uint64_t i = 0; i < kCount; ++i)
     Synthesize(context, recorder, 5, backwards ? kCount - 1 - i : i);
-  }
   if (backwards) std::reverse(recorder.views.begin(), recorder.views.end());
   return recorder.views;
 }
