@@ -7,7 +7,7 @@
 #include <string>
 
 #include "infer/plan/target_report.h"
-#include "tests/core/base/has.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::target_quality_test {
