@@ -21,7 +21,6 @@
 #include "infer/capture/capture.h"
 #include "infer/formats/recording.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/formats/bag_writer.h"

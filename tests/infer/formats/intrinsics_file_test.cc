@@ -12,7 +12,6 @@
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 
 // The forms in which other programs state intrinsics, written here from their documentation, and

@@ -21,7 +21,6 @@
 #include "infer/formats/ros_depth.h"
 #include "infer/formats/unpack.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/formats/bag_writer.h"
 

@@ -25,7 +25,6 @@
 #include "infer/report/ply.h"
 #include "infer/report/report.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/read_png.h"
 #include "tests/infer/view/synthetic.h"

@@ -19,7 +19,7 @@
 #include "infer/report/advice.h"
 #include "infer/report/panels.h"
 #include "infer/report/rig_gltf.h"
-#include "tests/core/base/has.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/glb_chunks.h"

@@ -20,7 +20,6 @@
 #include "core/config/config_word.h"
 #include "core/geometry/lens.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 

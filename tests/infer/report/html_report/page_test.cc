@@ -10,7 +10,7 @@
 #include "infer/report/html_report/encode.h"
 #include "infer/report/html_report/payload.h"
 #include "infer/report/html_report/rig_views.h"
-#include "tests/core/base/has.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::page_test {
