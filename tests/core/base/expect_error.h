@@ -7,9 +7,17 @@
 #include <string>
 #include <typeinfo>
 
-#include "tests/core/base/has.h"
-
 namespace volalign {
+
+/// Whether the text has every one of the parts; says which one it has not, or has.
+template <class... Parts>
+testing::AssertionResult Has(const std::string& text, const Parts&... parts) {
+  for (const std::string& part : std::initializer_list<std::string>{parts...}) {
+    if (text.find(part) == std::string::npos)
+      return testing::AssertionFailure() << "'" << part << "' is not in: " << text;
+  }
+  return testing::AssertionSuccess() << text;
+}
 
 /// Expects `call` to throw exactly an `E` whose message is one line that holds every one of
 /// `parts`. Returns the message.

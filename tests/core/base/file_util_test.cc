@@ -26,7 +26,6 @@
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace fs = std::filesystem;

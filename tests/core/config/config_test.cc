@@ -14,7 +14,6 @@
 #include "core/base/input_file.h"
 #include "core/config/bounded_yaml.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::config_test {

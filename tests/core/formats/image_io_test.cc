@@ -14,7 +14,6 @@
 #include "core/base/random.h"
 #include "core/formats/palette_png.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/read_png.h"
 #include "tests/core/formats/write_pgm.h"
@@ -46,9 +45,8 @@ const char kHuge[] =
 
 std::string FromHex(const std::string& hex) {
   std::string bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
     bytes.push_back(static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16)));
-  }
   return bytes;
 }
 
@@ -68,9 +66,8 @@ template <class T>
 Image<T> Noise(int width, int height, std::uint32_t maximum) {
   Image<T> image(width, height);
   RandomStream random(1, static_cast<std::uint64_t>(width), "image");
-  for (auto& x : image) {
+  for (auto& x : image)
     x = static_cast<T>(random.NextU32() % (static_cast<std::uint64_t>(maximum) + 1));
-  }
   return image;
 }
 
@@ -254,9 +251,8 @@ bool Readable(const std::filesystem::path& path) {
 TEST_F(ImageIo, EveryTruncationIsRefused) {
   for (const auto& [name, bytes] : ValidFiles(folder_)) {
     EXPECT_TRUE(Readable(File(bytes))) << name;
-    for (std::size_t size = 0; size < bytes.size() - 6; size += 97) {
+    for (std::size_t size = 0; size < bytes.size() - 6; size += 97)
       EXPECT_FALSE(Readable(File(bytes.substr(0, size)))) << name << " cut to " << size << " bytes";
-    }
     EXPECT_FALSE(Readable(File(bytes.substr(0, bytes.size() - 6)))) << name;
   }
 }
@@ -290,9 +286,8 @@ int ColourType(const std::string& bytes) { return static_cast<unsigned char>(byt
 
 TEST(PalettePng, IsReadAsItWas) {
   RgbImage few(37, 21);
-  for (std::size_t i = 0; i < few.size(); ++i) {
+  for (std::size_t i = 0; i < few.size(); ++i)
     few[i] = {static_cast<std::uint8_t>(i % 256), 7, static_cast<std::uint8_t>(i % 256 / 3)};
-  }
   const std::string with = EncodePalettePng(few);
   EXPECT_EQ(ColourType(with), 3);
   EXPECT_EQ(DecodePngRgb(with), few);

@@ -197,9 +197,8 @@ TEST(Lens, ForwardModelIsTheDocumentedOne) {
                                         {0.08, -0.12, -0.0006, 0.0009, 0.03},
                                         {0.45, -0.06, 0.002, -0.003, -0.003, 0.79, 0.03, -0.013}}) {
     const Intrinsics k = Camera(lens);
-    for (const Eigen::Vector2d& ray : {Eigen::Vector2d(0.3, -0.5), Eigen::Vector2d(-0.6, 0.1)}) {
+    for (const Eigen::Vector2d& ray : {Eigen::Vector2d(0.3, -0.5), Eigen::Vector2d(-0.6, 0.1)})
       EXPECT_LT((ProjectRay(k, ray) - Project(k, ray.x(), ray.y())).norm(), 1e-9) << lens.size();
-    }
   }
 }
 
@@ -268,9 +267,8 @@ TEST(Lens, TheShareWithoutRaysIsThePictures) {
   k.cy = -0.5;
   const double reach = std::sqrt(2.0 / 3) * 2 / 3;  // where r (1 - 0.5 r^2) is largest
   double beyond = 0;
-  for (const auto [u, v] : Pixels(k.width, k.height)) {
+  for (const auto [u, v] : Pixels(k.width, k.height))
     beyond += std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy) > reach;
-  }
   const std::string message = ExpectError<DataError>([&] { RequireRays(k, "S1"); });
   const std::size_t at = message.find("inverted at ");
   ASSERT_NE(at, std::string::npos) << message;

@@ -257,9 +257,8 @@ Points Transformed(const Pose& pose, const Points& points) {
 double Cost(const Pose& pose, const Points& source, const Points& target,
             const std::vector<double>& weights) {
   double sum = 0;
-  for (std::size_t i = 0; i < source.size(); ++i) {
+  for (std::size_t i = 0; i < source.size(); ++i)
     sum += weights[i] * (target[i] - pose * source[i]).squaredNorm();
-  }
   return sum;
 }
 

@@ -14,7 +14,6 @@
 #include "core/geometry/procrustes.h"
 #include "core/geometry/stack_faults.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -530,9 +529,8 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up, colour: 3}\n",
             {path_ + ":4", "colour"});
   std::string many = "boxes:\n";
-  for (int b = 0; b < 52; ++b) {
+  for (int b = 0; b < 52; ++b)
     many += "  - {name: b" + std::to_string(b) + ", x: [0, 10], y: [0, 20], z: [0, 30]}\n";
-  }
   ExpectBad(many, {path_, "52 boxes"});
   ExpectError<IoError>([] { ReadStructure("missing/boxes.yaml"); }, {"missing/boxes.yaml"});
   ExpectError<ConfigError>([] { ReadStructure("boxes.obj"); }, {"boxes.obj", ".yaml"});

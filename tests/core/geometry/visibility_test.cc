@@ -277,9 +277,8 @@ TEST(DistanceToSurface, AgreesWithDenseSampling) {
       const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
       const int n = static_cast<int>(std::max(e1.norm(), e2.norm()) / kStep) + 1;
       for (int i = 0; i <= n; ++i) {
-        for (int j = 0; i + j <= n; ++j) {
+        for (int j = 0; i + j <= n; ++j)
           samples.emplace_back(triangle.p[0] + e1 * i / n + e2 * j / n, triangle.box);
-        }
       }
     }
     RandomStream random(4, index, "distance");

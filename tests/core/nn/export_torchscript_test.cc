@@ -16,7 +16,6 @@
 #include "core/base/error.h"
 #include "core/nn/checkpoint.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::export_torchscript_test {

@@ -12,7 +12,6 @@
 #include "core/plot/picture_text.h"
 #include "core/plot/svg.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/has.h"
 #include "tests/core/base/pixels.h"
 
 namespace volalign::picture_test {
@@ -25,9 +24,8 @@ int LargestDifference(Rgb a, Rgb b) {
 TEST(LabelColour, TheStructures21LabelsAreTold) {
   EXPECT_EQ(LabelColour(0), (Rgb{0, 0, 0}));
   for (int a = 0; a < 21; ++a) {
-    for (int b = 0; b < a; ++b) {
+    for (int b = 0; b < a; ++b)
       EXPECT_GE(LargestDifference(LabelColour(a), LabelColour(b)), 20) << a << " and " << b;
-    }
   }
 }
 
@@ -35,9 +33,8 @@ TEST(LabelColour, EveryLabelDiffersFromBackgroundAndFromItsBoxs) {
   for (int label = 1; label <= 255; ++label) {
     EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(0)), 100);
     const int box = (label - 1) / 5 * 5 + 1;
-    for (int other = box; other < label; ++other) {
+    for (int other = box; other < label; ++other)
       EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(other)), 20);
-    }
   }
 }
 
@@ -48,9 +45,8 @@ TEST(ColourLabels, ColoursPixelByPixel) {
   ASSERT_EQ(picture.width(), 5);
   ASSERT_EQ(picture.height(), 3);
   for (const auto [u, v] : Pixels(5, 3)) EXPECT_EQ(picture(u, v), LabelColour(labels(u, v)));
-  for (int turns = 1; turns < 4; ++turns) {
+  for (int turns = 1; turns < 4; ++turns)
     EXPECT_EQ(ColourLabels(Turn(labels, turns)), Turn(picture, turns));
-  }
 }
 
 // Entries 255, 134 and 13 of the published table of 256 viridis colours (S. van der Walt and N.
