@@ -16,55 +16,20 @@ import pathlib
 DECAYS = (0.0, 5e-4)
 
 
-def network(torch, channels=8, classes=21):
-    """The layers of core/model/paper_units.cc; forward gives logits [B,K,H,W] and the mask [B,1,H/16,W/16]."""
-    nn, functional = torch.nn, torch.nn.functional
+def network():
+    """m02's, by eager_network.py. The attention's mask is `mask` after each pass."""
+    from torch import nn
+    from eager_network import ConvUnit, StructureNet
 
-    def unit(inside, outside, kernel):
-        layer = nn.Conv2d(inside, outside, kernel, padding=kernel // 2)
-        nn.init.xavier_uniform_(layer.weight)
-        nn.init.zeros_(layer.bias)
+    def unit(*shape):
+        layer = ConvUnit(*shape)
+        nn.init.xavier_uniform_(layer.conv.weight)
+        nn.init.zeros_(layer.conv.bias)
         return layer
 
-    class Net(nn.Module):
-        def __init__(self):
-            super().__init__()
-            self.encoder, self.bottleneck, self.decoder = nn.ModuleList(), nn.ModuleList(), nn.ModuleList()
-            last, skips = 1, []
-            for group in ([(7, 1), (5, 2)], [(3, 4)] * 3, [(3, 8)] * 3, [(3, 16)] * 3, [(3, 16)] * 3):
-                units = nn.ModuleList()
-                for kernel, factor in group:
-                    units.append(unit(last, factor * channels, kernel))
-                    last = factor * channels
-                self.encoder.append(units)
-                skips.append(last)
-            for _ in range(4):
-                self.bottleneck.append(nn.ModuleList([unit(last, last, 3), unit(last, last, 3)]))
-            self.attention = unit(last, 1, 1)
-            for skip in reversed(skips[:4]):
-                self.decoder.append(nn.ModuleList([unit(last, last, 3), unit(last, last, 3), unit(last, skip, 3), unit(2 * skip, skip, 1)]))
-                last = skip
-            self.last, self.classifier = unit(last, channels, 3), unit(channels, classes, 1)
-
-        def forward(self, x):
-            relu, skips = functional.relu, []
-            for g, units in enumerate(self.encoder):
-                if g > 0:
-                    skips.append(x)
-                    x = functional.max_pool2d(x, 2)
-                for layer in units:
-                    x = relu(layer(x))
-            for first, second in self.bottleneck:
-                x = x + second(relu(first(relu(x))))
-            mask = torch.sigmoid(self.attention(x))
-            x = x * mask
-            for first, second, up, merge in self.decoder:
-                skip = skips.pop()
-                x = relu(up(functional.interpolate(relu(second(relu(first(x)))), size=skip.shape[2:])))
-                x = relu(merge(torch.cat([x, skip], 1))) * functional.interpolate(mask, size=skip.shape[2:])
-            return self.classifier(relu(self.last(x))), mask
-
-    return Net()
+    net = StructureNet(8, "none", inputs=1, unit=unit)
+    net.attention.register_forward_hook(lambda _, __, logits: setattr(net, "mask", logits.sigmoid()))
+    return net
 
 
 def train(folder, seeds, samples):
@@ -79,16 +44,16 @@ def train(folder, seeds, samples):
     for seed in seeds:
         for decay in DECAYS:
             torch.manual_seed(seed)
-            net = network(torch)
+            net = network()
             adam = torch.optim.Adam(net.parameters(), lr=1e-3, betas=(0.9, 0.99), weight_decay=decay)
             rows = []
             for first in range(0, len(files) - 15, 16):
-                logits, mask = net(torch.from_numpy(depth[first:first + 16]).unsqueeze(1))
-                loss = torch.nn.functional.cross_entropy(logits, torch.from_numpy(labels[first:first + 16]))
+                log_probs = net(torch.from_numpy(depth[first:first + 16]).unsqueeze(1))
+                loss = torch.nn.functional.nll_loss(log_probs, torch.from_numpy(labels[first:first + 16]))
                 adam.zero_grad()
                 loss.backward()
                 adam.step()
-                rows.append([first, mask.min().item(), mask.mean().item(), mask.max().item(), loss.item()])
+                rows.append([first, net.mask.min().item(), net.mask.mean().item(), net.mask.max().item(), loss.item()])
             traces.append({"seed": seed, "decay": decay, "rows": rows})
             print(f"seed {seed}, L2 {decay}: mask {rows[-1][1]:.4f} to {rows[-1][3]:.4f}, loss {rows[-1][4]:.3f}", flush=True)
     return traces

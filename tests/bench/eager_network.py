@@ -1,7 +1,7 @@
 """The network of core/nn/network.h, its loss and its step, as one writes them in PyTorch: the contestant of training_step.py.
 
 As a program it serves training_step.py: for each line of its standard input it takes one training step and prints its times, s, as
-`forward loss backward optimiser`. Run with --profile it prints the operations of a step instead.
+`forward loss backward optimiser`.
 """
 
 import argparse
@@ -35,31 +35,28 @@ def upsample_to(x, like):
 
 
 class StructureNet(nn.Module):
-    """With soft attention and depth_mask input."""
+    """With soft attention and, as two inputs, depth and mask. `unit` makes each convolution."""
 
-    def __init__(self, width, classes=21, normalization="batch", residual_blocks=4):
+    def __init__(self, width, normalization="batch", inputs=2, unit=ConvUnit):
         super().__init__()
-        c = width
         groups = [[(7, 1), (5, 2)]] + [[(3, f)] * 3 for f in (4, 8, 16, 16)]
-        channels, skips, self.encoder = 2, [], nn.ModuleList()
+        channels, skips, self.encoder = inputs, [], nn.ModuleList()
         for group in groups:
             units = nn.ModuleList()
             for kernel, factor in group:
-                units.append(ConvUnit(channels, factor * c, kernel, normalization))
-                channels = factor * c
+                units.append(unit(channels, factor * width, kernel, normalization))
+                channels = factor * width
             self.encoder.append(units)
             skips.append(channels)
-        self.bottleneck = nn.ModuleList(
-            nn.ModuleList(ConvUnit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(residual_blocks))
-        self.attention = ConvUnit(channels, 1, 1, "none")
+        self.bottleneck = nn.ModuleList(nn.ModuleList(unit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(4))
+        self.attention = unit(channels, 1, 1, "none")
         self.decoder = nn.ModuleList()
         for skip in reversed(skips[:4]):
-            self.decoder.append(nn.ModuleList([
-                ConvUnit(channels, channels, 3, normalization), ConvUnit(channels, channels, 3, normalization),
-                ConvUnit(channels, skip, 3, normalization), ConvUnit(2 * skip, skip, 1, normalization)]))
+            self.decoder.append(nn.ModuleList(
+                unit(*shape, normalization) for shape in ((channels, channels, 3), (channels, channels, 3), (channels, skip, 3), (2 * skip, skip, 1))))
             channels = skip
-        self.last = ConvUnit(channels, c, 3, normalization)
-        self.classifier = ConvUnit(c, classes, 1, "none")
+        self.last = unit(channels, width, 3, normalization)
+        self.classifier = unit(width, 21, 1, "none")
 
     def forward(self, x):
         skips = []
@@ -91,8 +88,7 @@ class Step:
         self.bf16 = args.precision == "bf16"
         self.layout = torch.channels_last if args.layout == "channels_last" else torch.contiguous_format
         self.net = StructureNet(args.width, normalization=args.normalization).to(memory_format=self.layout)
-        kind = {"fused": True} if args.fused_optimizer else {}
-        self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-4, **kind)
+        self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-4)
         depth = 1.5 + torch.rand(args.batch, 1, args.height, args.width_px)
         mask = (torch.rand_like(depth) > 0.1).float()
         self.input = torch.cat([(depth - 2) * mask, mask], 1).to(memory_format=self.layout)
@@ -127,17 +123,9 @@ def main():
     parser.add_argument("--precision", choices=["fp32", "bf16"], default="fp32")
     parser.add_argument("--layout", choices=["contiguous", "channels_last"], default="contiguous")
     parser.add_argument("--normalization", choices=["none", "batch", "group"], default="batch")
-    parser.add_argument("--fused-optimizer", action="store_true")
-    parser.add_argument("--profile", action="store_true")
     args = parser.parse_args()
     args.width_px, args.height = (int(n) for n in args.size.split("x"))
     step = Step(args)
-    if args.profile:
-        step()
-        with torch.profiler.profile() as profile:
-            step()
-        print(profile.key_averages().table(sort_by="self_cpu_time_total", row_limit=25, max_name_column_width=50))
-        return
     print(torch.__version__, flush=True)
     for _ in sys.stdin:
         print(" ".join(f"{seconds:.6f}" for seconds in step()), flush=True)

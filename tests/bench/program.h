@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <cstdio>
-#include <ctime>
 #include <exception>
 #include <utility>
 
@@ -20,13 +19,6 @@ int StatusOf(Work&& work) {
     fmt::print(stderr, "error: {}\n", error.what());
     return 1;
   }
-}
-
-/// Processor time of the calling thread, s.
-inline double ThreadSeconds() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 }  // namespace volalign

@@ -5,20 +5,15 @@
 #include <limits>
 #include <memory>
 #include <string>
-#include <vector>
 #if defined(__GLIBC__)
 #include <malloc.h>
 #endif
 
-#include "core/geometry/image_size.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/renderers.h"
-#include "render/noise.h"
 #include "render/noise_kernels.h"
-#include "render/pose_sampler.h"
 #include "render/sample.h"
 #include "render/sample_stream.h"
-#include "render/scene.h"
 #include "render/tiles/tile_kernels.h"
 #include "render/tiles/tile_renderer.h"
 
@@ -57,88 +52,6 @@ SampleContext MakeContext(std::int64_t size, int batch_size) {
   config.image_sizes = {kSizes[size]};
   return MakeSampleContext(config, batch_size);
 }
-
-/// What the stages of one sample pass on.
-struct Stages {
-  explicit Stages(const SampleContext& context) {
-    for (std::uint64_t i = 0; i < kDistinct; ++i) {
-      RandomStream random(kSeed, i, "pose");
-      poses.push_back(SamplePose(context.config.pose, random));
-      built.push_back(Assemble(context.structure, context.config.assembly, kSeed, i));
-      SceneOptions options;
-      options.structure_from_sensors = {poses.back()};
-      meshes.push_back(BuildScene(context.config.scene, built.back().structure, options, kSeed, i));
-    }
-    const IntrinsicsPoolEntry* entry = &context.pool[0];
-    const auto [width, height] = context.image_sizes[0];
-    for (const IntrinsicsPoolEntry& candidate : context.pool) {
-      if (SameAspect(candidate.intrinsics[0], {width, height})) entry = &candidate;
-    }
-    sensor = entry->sensor;
-    intrinsics = entry->intrinsics[0].Resized(width, height);
-  }
-  std::vector<Pose> poses;
-  std::vector<AssembledStructure> built;
-  std::vector<SceneMesh> meshes;
-  std::string sensor;
-  Intrinsics intrinsics;
-};
-
-void BM_Scene(benchmark::State& state) {
-  const SampleContext context = MakeContext(state.range(0), 1);
-  const Stages stages(context);
-  std::uint64_t i = 0;
-  for (auto _ : state) {
-    const std::uint64_t k = i++ % kDistinct;
-    const AssembledStructure built = Assemble(context.structure, context.config.assembly, kSeed, k);
-    SceneOptions options;
-    options.structure_from_sensors = {stages.poses[k]};
-    benchmark::DoNotOptimize(
-        BuildScene(context.config.scene, built.structure, options, kSeed, k).faces.data());
-  }
-  state.SetItemsProcessed(state.iterations());
-}
-BENCHMARK(BM_Scene)->Arg(0)->Unit(benchmark::kMicrosecond);
-
-/// From a mesh to depth, labels and faces in memory.
-void BM_Render(benchmark::State& state) {
-  const Renderers chosen = Choose(state.range(1));
-  const std::unique_ptr<DepthRenderer> renderer = chosen.make();
-  const SampleContext context = MakeContext(state.range(0), 1);
-  const Stages stages(context);
-  RenderedView view;
-  std::uint64_t i = 0;
-  for (auto _ : state) {
-    const std::uint64_t k = i++ % kDistinct;
-    renderer->Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &view);
-    benchmark::DoNotOptimize(view.depth.data());
-  }
-  state.SetItemsProcessed(state.iterations());
-  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + chosen.description);
-}
-BENCHMARK(BM_Render)->ArgsProduct({{0, 1, 2, 3}, {0, 1, 2}})->Unit(benchmark::kMicrosecond);
-
-void BM_SensorNoise(benchmark::State& state) {
-  const std::unique_ptr<DepthRenderer> renderer = ChooseRenderers("cpu").make();
-  const SampleContext context = MakeContext(state.range(0), 1);
-  const Stages stages(context);
-  std::vector<RenderedView> views(16);
-  for (std::size_t k = 0; k < views.size(); ++k) {
-    renderer->Render(stages.meshes[k], stages.intrinsics, stages.poses[k], &views[k]);
-  }
-  std::uint64_t i = 0;
-  for (auto _ : state) {
-    const std::uint64_t k = i++ % views.size();
-    benchmark::DoNotOptimize(ApplyNoise(context.config.noise,
-                                        {views[k], stages.meshes[k], stages.built[k].structure,
-                                         stages.intrinsics, stages.poses[k], stages.sensor},
-                                        kSeed, i)
-                                 .depth.data());
-  }
-  state.SetItemsProcessed(state.iterations());
-  state.SetLabel(std::string(kSizes[state.range(0)]) + ", " + stages.sensor);
-}
-BENCHMARK(BM_SensorNoise)->DenseRange(0, 3)->Unit(benchmark::kMicrosecond);
 
 /// Whole samples of one thread.
 void BM_Synthesize(benchmark::State& state) {

@@ -9,22 +9,16 @@ Needs `tensorboard` of PyPI.
 import json
 import os
 import struct
-import subprocess
 import sys
-import tempfile
-
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "cli"))
+from program import InAFolder, main  # noqa: E402
 
 TINY = ["data.sensors=[azure_kinect_nfov_binned]", "model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36]", "run.batch_size=2", "run.samples=8",
         "run.log_every=2", "run.checkpoint_every=4", "run.validate_every=4", "run.validation_samples=2", "run.threads=1",
         "loss.min_side_pixels=3", "optim.warmup_samples=2"]
-
-
-def train(volalign, run, *more):
-    subprocess.run([volalign, "train", "--config", "configs/m05-lite.yaml", "-o", run, "--set", *TINY, *more],
-                   cwd=ROOT, check=True, stderr=subprocess.DEVNULL)
 
 
 def same(events, rows, key, what):
@@ -34,20 +28,19 @@ def same(events, rows, key, what):
     assert found == expected, f"{what}: TensorBoard reads {found}, metrics.jsonl has {expected}"
 
 
-def main(volalign):
-    with tempfile.TemporaryDirectory() as folder:
-        run = os.path.join(folder, "run")
-        train(volalign, run)
+class Events(InAFolder):
+    def test_scalars_pictures_and_the_configuration(self):
+        train = "train --config configs/m05-lite.yaml -o run --set " + " ".join(TINY)
+        self.expect(train, 0)
         # Continue from the state before the last: the events after it come again, and the first ones are void.
-        os.remove(os.path.join(run, "states", "000000000008.state"))
-        train(volalign, run, "--resume")
-        with open(os.path.join(run, "metrics.jsonl"), encoding="utf-8") as file:
-            rows = [json.loads(line) for line in file]
+        self.remove("run/states/000000000008.state")
+        self.expect(train + " --resume", 0)
+        rows = [json.loads(line) for line in self.read("run/metrics.jsonl").splitlines()]
         training = [row for row in rows if row["type"] == "train"]
         validation = [row for row in rows if row["type"] == "validation"]
         assert [row["samples"] for row in training] == [2, 4, 6, 8]
         # No limit to what is kept in memory.
-        events = EventAccumulator(os.path.join(run, "tensorboard"), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
+        events = EventAccumulator(self.path("run/tensorboard"), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
         events.Reload()
         for key in ("loss", "loss_seg", "loss_3d", "degenerate", "gradient_norm", "lr", "samples_per_s"):
             tag = ("speed/" if key == "samples_per_s" else "train/") + key
@@ -63,10 +56,8 @@ def main(volalign):
             assert (picture.width, picture.height) == struct.unpack(">II", png[16:24]) == (124, 74), (picture.width, picture.height)
         assert events.SummaryMetadata("config").plugin_data.plugin_name == "text"
         text = events.Tensors("config")[-1].tensor_proto.string_val[0].decode()
-        with open(os.path.join(run, "config.yaml"), encoding="utf-8") as file:
-            assert text.split("\n") == ["    " + line if line else "" for line in file.read().split("\n")], text[:200]
-    print("TensorBoard reads scalars, pictures and the configuration")
+        assert text.split("\n") == ["    " + line if line else "" for line in self.read("run/config.yaml").split("\n")], text[:200]
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(__doc__)

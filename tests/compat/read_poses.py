@@ -8,19 +8,18 @@ Needs `open3d` and `pycolmap` of PyPI.
 
 import json
 import os
-import subprocess
 import sys
-import tempfile
-
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 
 import numpy as np
 import open3d
 import pycolmap
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "cli"))
+from program import InAFolder, main  # noqa: E402
+
 
 def some_poses():
-    """Three sensors round a stack, one with a lens, as a file of --to poses."""
+    """Three sensors round a stack, one without a lens, as a file of --to poses has them."""
     sensors = []
     for i, distortion in enumerate([None, [0.1, -0.05, 1e-3, 2e-3], [5.4, 3.6, 1e-4, -2e-4, 0.18, 5.7, 5.5, 0.95]]):
         phi = 0.4 + 2.0 * i
@@ -35,7 +34,7 @@ def some_poses():
         if distortion:
             intrinsics["distortion"] = distortion
         sensors.append({"name": f"S{i}", "structure_from_sensor": pose.tolist(), "intrinsics": intrinsics})
-    return {"format": "volalign.poses/1", "convention": "", "sensors": sensors}
+    return sensors
 
 
 def project(sensor, world):
@@ -52,23 +51,18 @@ def project(sensor, world):
     return np.array([k["fx"] * u + k["cx"], k["fy"] * v + k["cy"]])
 
 
-def main():
-    volalign = sys.argv[1]
-    poses = some_poses()
-    with tempfile.TemporaryDirectory() as folder:
-        given = os.path.join(folder, "poses.json")
-        with open(given, "w", encoding="utf-8") as file:
-            json.dump(poses, file)
+class Poses(InAFolder):
+    def convert(self, word, name):
+        self.expect(f"convert poses.json --from poses --to {word} -o {name}", 0)
+        return self.path(name)
 
-        def convert(word, name):
-            path = os.path.join(folder, name)
-            subprocess.run([volalign, "convert", given, "--from", "poses", "--to", word, "-o", path], check=True)
-            return path
-
+    def test_they_are_read_as_they_are_meant(self):
+        sensors = some_poses()
+        self.write("poses.json", json.dumps({"format": "volalign.poses/1", "convention": "", "sensors": sensors}))
         for word, name in (("open3d", "trajectory.json"), ("open3d_log", "trajectory.log")):
-            cameras = open3d.io.read_pinhole_camera_trajectory(convert(word, name)).parameters
-            assert len(cameras) == len(poses["sensors"]), (word, len(cameras))
-            for camera, sensor in zip(cameras, poses["sensors"]):
+            cameras = open3d.io.read_pinhole_camera_trajectory(self.convert(word, name)).parameters
+            assert len(cameras) == len(sensors), (word, len(cameras))
+            for camera, sensor in zip(cameras, sensors):
                 expected = np.linalg.inv(sensor["structure_from_sensor"])
                 assert np.allclose(camera.extrinsic, expected, atol=1e-9), (word, sensor["name"])
                 if word == "open3d":
@@ -76,15 +70,15 @@ def main():
                     assert np.allclose(camera.intrinsic.intrinsic_matrix,
                                        [[k["fx"], 0, k["cx"]], [0, k["fy"], k["cy"]], [0, 0, 1]]), sensor["name"]
 
-        model = pycolmap.Reconstruction(convert("colmap", "colmap"))
-        assert model.num_images() == len(poses["sensors"])
+        model = pycolmap.Reconstruction(self.convert("colmap", "colmap"))
+        assert model.num_images() == len(sensors)
         for image in model.images.values():
-            sensor = next(s for s in poses["sensors"] if s["name"] == image.name)
+            sensor = next(s for s in sensors if s["name"] == image.name)
             world = np.array([0.15, -0.1, 0.2])
             # The upper left pixel's centre is at (.5, .5) in COLMAP.
             theirs = image.project_point(world)
             assert np.allclose(theirs, project(sensor, world) + 0.5, atol=1e-6), (image.name, theirs)
-    print("Open3D and COLMAP read the poses as they are meant")
 
 
-main()
+if __name__ == "__main__":
+    main(__doc__)

@@ -8,69 +8,38 @@ capture.json from the two recordings, and compares the poses. Needs pyrealsense2
 numpy, and mkvmerge (Debian's mkvtoolnix).
 """
 
-import json
 import os
-import subprocess
 import sys
-import tempfile
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "cli"))
 sys.dont_write_bytecode = True
 
-import record_depth
+import record_depth  # noqa: E402
+from program import TWO_SENSORS, InAFolder, main  # noqa: E402
 
-RIG = """
-room: true
-noise: none
-seed: 3
-sensors:
-  - {name: A, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 30}
-  - {name: B, sensor: realsense_d415, rho_cm: 200, phi_deg: 80}
-"""
+from grey_png import read_png  # noqa: E402
 
 
-def read_png(path):
-    """A 16-bit grey PNG, by ffmpeg."""
-    command = [record_depth.imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-i", path]
-    raw = subprocess.run(command + ["-f", "rawvideo", "-pix_fmt", "gray16le", "-"], stdout=subprocess.PIPE, check=True).stdout
-    return record_depth.np.frombuffer(raw, dtype="<u2")
-
-
-def main():
-    program = os.path.abspath(sys.argv[1])
-    with tempfile.TemporaryDirectory() as folder:
-
-        def volalign(*arguments):
-            subprocess.run([program, *arguments], cwd=folder, stdout=subprocess.DEVNULL, check=True)
-
-        with open(os.path.join(folder, "rig.yaml"), "w", encoding="utf-8") as file:
-            file.write(RIG)
-        volalign("render", "--rig", "rig.yaml", "-o", "files")
-        with open(os.path.join(folder, "files", "capture.json"), encoding="utf-8") as file:
-            capture = json.load(file)
-        frames = {}
-        for sensor in capture["sensors"]:
-            k = sensor["intrinsics"]
-            frames[sensor["name"]] = read_png(os.path.join(folder, "files", sensor["depth"])).reshape(k["height"], k["width"])
-        os.makedirs(os.path.join(folder, "recordings"))
-        a, b = (sensor["intrinsics"] for sensor in capture["sensors"])
+class Recordings(InAFolder):
+    def test_poses_are_those_of_the_depth_files(self):
+        self.write("rig.yaml", TWO_SENSORS)
+        self.expect("render --rig rig.yaml -o files", 0)
+        sensors = self.json("files/capture.json")["sensors"]
+        frames = {sensor["name"]: record_depth.np.array(read_png(self.path("files", sensor["depth"])), "uint16") for sensor in sensors}
+        os.mkdir(self.path("recordings"))
+        a, b = (sensor["intrinsics"] for sensor in sensors)
         # A raw calibration has shares of the chip's side, of the binned chip of 512 pixels.
         d = a["distortion"]
         raw = [(a["cx"] + 96.5) / 512, (a["cy"] + 90.5) / 512, a["fx"] / 512, a["fy"] / 512]
         raw += [d[0], d[1], d[4], d[5], d[6], d[7], 0, 0, d[3], d[2]]
-        record_depth.record_mkv(os.path.join(folder, "recordings", "A.mkv"), [frames["A"]], raw)
-        lens = (b["fx"], b["fy"], b["cx"], b["cy"])
-        record_depth.record_bag(os.path.join(folder, "recordings", "B.bag"), [frames["B"]], lens)
+        record_depth.record_mkv(self.path("recordings/A.mkv"), [frames["A"]], raw)
+        record_depth.record_bag(self.path("recordings/B.bag"), [frames["B"]], (b["fx"], b["fy"], b["cx"], b["cy"]))
 
-        volalign("init", "recordings")
-        for name in ("files", "recordings"):
-            arguments = ["--model", "models/m05-lite.safetensors", "-o", "out_" + name]
-            volalign("calibrate", "--capture", name + "/capture.json", *arguments)
+        self.expect("init recordings", 0)
         poses = []
         for name in ("files", "recordings"):
-            with open(os.path.join(folder, "out_" + name, "extrinsics.json"), encoding="utf-8") as file:
-                poses.append(json.load(file)["sensors"])
+            self.expect(f"calibrate --capture {name}/capture.json --model models/m05-lite.safetensors -o out_{name}", 0)
+            poses.append(self.json(f"out_{name}/extrinsics.json")["sensors"])
         for name in ("A", "B"):
             x, y = (record_depth.np.array(p[name]["structure_from_sensor"]) for p in poses)
             difference = abs(x - y).max()
@@ -82,4 +51,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(__doc__)

@@ -35,7 +35,7 @@ for target in "$@"; do
     continue
   fi
   dictionary=build/fuzz/$target.dict
-  awk -v part="[$target]" '/^\[/ {within = $0 == part; next} within' tests/fuzz/dictionaries.txt >"$dictionary"
+  awk -v part="[$target]" '/^\[/ {within = $0 == part; next} within' tests/fuzz/dictionaries.txt | grep -v '^#' | grep -oE '"([^"\\]|\\.)*"' >"$dictionary" || true
   [ ! -s "$dictionary" ] || options+=(-dict="$dictionary")
   log=build/fuzz/$target.log
   build/fuzz/tests/fuzz/fuzz "${options[@]}" -max_len=65536 -print_final_stats=1 "$found" "$corpus" >"$log" 2>&1 &

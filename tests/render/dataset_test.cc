@@ -93,9 +93,8 @@ TEST(Dataset, ReadsTheSamplesThatWereDrawn) {
     EXPECT_EQ(read.structure_from_sensor.matrix(), truth.structure_from_sensor.matrix());
     EXPECT_EQ(read.size_scale, truth.size_scale);
     ASSERT_EQ(read.box_offsets.size(), truth.box_offsets.size());
-    for (std::size_t b = 0; b < truth.box_offsets.size(); ++b) {
+    for (std::size_t b = 0; b < truth.box_offsets.size(); ++b)
       EXPECT_EQ(read.box_offsets[b].matrix(), truth.box_offsets[b].matrix());
-    }
   }
   EXPECT_EQ(dataset.Read(14, 3)[2].index, 16u);  // across a folder's end
   ExpectError<Error>([&] { dataset.Read(20, 7); }, {"20 to 26", "5 to 25"});
@@ -125,9 +124,8 @@ TEST(Dataset, FilesDoNotDependOnThreadsOrInterruptions) {
   options.num_threads = 3;
   WriteDataset(many.path(), Context(), options);
   ExpectSameFiles(one.path(), many.path());
-  for (const std::uint64_t count : {2u, 11u, 27u, 30u}) {
+  for (const std::uint64_t count : {2u, 11u, 27u, 30u})
     WriteDataset(parts.path(), Context(), Options(count));
-  }
   ExpectSameFiles(one.path(), parts.path());
   EXPECT_EQ(WriteDataset(parts.path(), Context(), Options(30)).written, 0u);
   fs::remove_all(parts / "000002");
@@ -143,7 +141,7 @@ TEST(Dataset, SaysOnATerminalHowFarItIs) {
   Terminal terminal;
   WriteDataset(folder.path(), Context(), options);
   const std::string seen = terminal.Seen();
-  EXPECT_NE(seen.find("samples, 99 of 100 ..."), std::string::npos) << seen;
+  EXPECT_TRUE(Has(seen, "samples, 99 of 100 ..."));
 }
 
 // The process is killed in the middle, as a cluster does it; the rows that it leaves name complete

@@ -22,11 +22,11 @@
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
-#include "render/capture_writer.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 #include "tests/core/base/read_file.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::golden_test {
 namespace {
@@ -60,10 +60,7 @@ class GoldenTest : public testing::Test {
     GlDepthRenderer renderer;
     samples_.clear();
     for (const Case& c : kCases) {
-      SampleConfig config;
-      config.sensors = {c.sensor};
-      config.image_sizes = {c.image_size};
-      config.noise.models = {c.noise};
+      const SampleConfig config = SamplesOf(c.sensor, c.image_size, c.noise);
       samples_.push_back(Synthesize(MakeSampleContext(config, 16), renderer, kSeed, c.index));
     }
     if (std::getenv("VOLALIGN_WRITE_GOLDEN")) {
@@ -121,9 +118,8 @@ class GoldenTest : public testing::Test {
       EXPECT_EQ(golden.height(), depth.height());
       if (golden.size() != depth.size()) return 0;
       all += static_cast<long>(golden.size());
-      for (std::size_t k = 0; k < golden.size(); ++k) {
+      for (std::size_t k = 0; k < golden.size(); ++k)
         equal += (golden[k] > 0) == (depth[k] > 0) && std::abs(golden[k] - depth[k]) <= tolerance;
-      }
     }
     return static_cast<double>(equal) / static_cast<double>(all);
   }

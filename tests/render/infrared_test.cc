@@ -4,9 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "core/geometry/lens.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::infrared_test {
 namespace {
@@ -23,18 +23,16 @@ class FrontRenderer : public DepthRenderer {
     view->labels = LabelImage(intrinsics.width, intrinsics.height);
     view->faces = Image16(intrinsics.width, intrinsics.height);
     const Eigen::Vector3d eye = structure_from_sensor.translation();
-    for (int v = 0; v < intrinsics.height; ++v) {
-      for (int u = 0; u < intrinsics.width; ++u) {
-        const Eigen::Vector3d ray =
-            structure_from_sensor.linear() *
-            Eigen::Vector3d(view->rays->at(u, v).x(), view->rays->at(u, v).y(), 1);
-        const double z = front_.normal.dot(front_.centre - eye) / front_.normal.dot(ray);
-        const Eigen::Vector3d p = eye + z * ray;
-        if ((front_.ClosestPoint(p) - p).norm() > 1e-6) continue;
-        view->depth(u, v) = static_cast<float>(z);
-        view->labels(u, v) = front_.label;
-        view->faces(u, v) = 1;
-      }
+    for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height)) {
+      const Eigen::Vector3d ray =
+          structure_from_sensor.linear() *
+          Eigen::Vector3d(view->rays->at(u, v).x(), view->rays->at(u, v).y(), 1);
+      const double z = front_.normal.dot(front_.centre - eye) / front_.normal.dot(ray);
+      const Eigen::Vector3d p = eye + z * ray;
+      if ((front_.ClosestPoint(p) - p).norm() > 1e-6) continue;
+      view->depth(u, v) = static_cast<float>(z);
+      view->labels(u, v) = front_.label;
+      view->faces(u, v) = 1;
     }
   }
 

@@ -6,20 +6,12 @@
 #include <cmath>
 
 #include "render/depth_renderer.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::lens_picture_test {
 namespace {
 
-Intrinsics Barrel() {
-  Intrinsics lens;
-  lens.width = 40;
-  lens.height = 30;
-  lens.fx = lens.fy = 30;
-  lens.cx = 19.2;
-  lens.cy = 14.7;
-  lens.distortion = {-0.15, 0.02, 0, 0};
-  return lens;
-}
+Intrinsics Barrel() { return {40, 30, 30, 30, 19.2, 14.7, {-0.15, 0.02, 0, 0}}; }
 
 Eigen::Vector2d RayOf(const Intrinsics& pinhole, int u, int v) {
   return {(u - pinhole.cx) / pinhole.fx, (v - pinhole.cy) / pinhole.fy};
@@ -54,9 +46,8 @@ class TwoWalls : public testing::Test {
     Append(kFar, 2, -10, 0);
     Append(kNear, 1, 0, 10);
     const Intrinsics& pinhole = picture_.pinhole;
-    for (int v = 0; v < pinhole.height; ++v) {
-      for (int u = 0; u < pinhole.width; ++u) ids_.push_back(IdAt(RayOf(pinhole, u, v)));
-    }
+    for (const auto [u, v] : Pixels(pinhole.width, pinhole.height))
+      ids_.push_back(IdAt(RayOf(pinhole, u, v)));
     view_.depth = DepthImage(40, 30, 9.0F);
     view_.labels = LabelImage(40, 30, 9);
     view_.faces = Image16(40, 30, 9);
@@ -82,18 +73,16 @@ class TwoWalls : public testing::Test {
 TEST_F(TwoWalls, EachPixelShowsWhatItsOwnRayMeets) {
   DrawThroughLens(picture_, ids_, corners_, first_corner_, &view_);
   int far = 0, near = 0, nothing = 0;
-  for (int v = 0; v < 30; ++v) {
-    for (int u = 0; u < 40; ++u) {
-      SCOPED_TRACE(testing::Message() << u << " " << v);
-      const Eigen::Vector2d ray = picture_.rays.at(u, v).cast<double>();
-      if (std::abs(ray.x()) < 1e-4 || std::abs(std::abs(ray.y()) - 0.2) < 1e-4) continue;
-      const std::uint32_t id = IdAt(ray);
-      EXPECT_NEAR(view_.depth(u, v), id == 0 ? 0 : id == kFar ? 2 : 1, 1e-6);
-      EXPECT_EQ(view_.labels(u, v), id >> 16);
-      EXPECT_EQ(view_.faces(u, v), id & 0xFFFFU);
-      EXPECT_EQ(view_.rays->at(u, v), picture_.rays.at(u, v));
-      (id == 0 ? nothing : id == kFar ? far : near) += 1;
-    }
+  for (const auto [u, v] : Pixels(40, 30)) {
+    SCOPED_TRACE(testing::Message() << u << " " << v);
+    const Eigen::Vector2d ray = picture_.rays.at(u, v).cast<double>();
+    if (std::abs(ray.x()) < 1e-4 || std::abs(std::abs(ray.y()) - 0.2) < 1e-4) continue;
+    const std::uint32_t id = IdAt(ray);
+    EXPECT_NEAR(view_.depth(u, v), id == 0 ? 0 : id == kFar ? 2 : 1, 1e-6);
+    EXPECT_EQ(view_.labels(u, v), id >> 16);
+    EXPECT_EQ(view_.faces(u, v), id & 0xFFFFU);
+    EXPECT_EQ(view_.rays->at(u, v), picture_.rays.at(u, v));
+    (id == 0 ? nothing : id == kFar ? far : near) += 1;
   }
   EXPECT_GT(far, 100);
   EXPECT_GT(near, 100);
@@ -109,11 +98,9 @@ TEST_F(TwoWalls, AnInclinedFaceHasTheDepthOfItsPlane) {
   }
   for (std::uint32_t& id : ids_) id = kFar;
   DrawThroughLens(picture_, ids_, corners_, first_corner_, &view_);
-  for (int v = 0; v < 30; ++v) {
-    for (int u = 0; u < 40; ++u) {
-      const double x = picture_.rays.at(u, v).x();
-      EXPECT_NEAR(view_.depth(u, v), 2 / (1 - x / 2), 1e-4);
-    }
+  for (const auto [u, v] : Pixels(40, 30)) {
+    const double x = picture_.rays.at(u, v).x();
+    EXPECT_NEAR(view_.depth(u, v), 2 / (1 - x / 2), 1e-4);
   }
 }
 

@@ -11,7 +11,9 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise.h"
 #include "render/sample.h"
-#include "tests/render/wall_scene.h"
+#include "tests/core/base/tally.h"
+#include "tests/render/noise_scenes.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::noise_figures_test {
 namespace {
@@ -27,13 +29,7 @@ class NoiseFiguresTest : public testing::Test {
   NoiseFiguresTest() : structure_(ReadStructure("configs/structure.yaml")) {}
 
   static Intrinsics Camera(bool stereo) {
-    return {320,
-            stereo ? 180 : 288,
-            stereo ? 236.0 : 252.0,
-            stereo ? 236.0 : 252.0,
-            159.5,
-            stereo ? 89.5 : 143.5,
-            {}};
+    return stereo ? CentredCamera(320, 180, 236) : CentredCamera(320, 288, 252);
   }
 
   /// A bright, textured wall at z and perhaps a plate before it, of `half` height and width.
@@ -43,11 +39,10 @@ class NoiseFiguresTest : public testing::Test {
     const WallScene scene(renderer_, k, z, plate_z, half);
     std::vector<DepthImage> frames;
     frames.reserve(static_cast<std::size_t>(count));
-    for (int i = 0; i < count; ++i) {
+    for (int i = 0; i < count; ++i)
       frames.push_back(ApplyNoise({}, {scene.view, scene.mesh, structure_, k, scene.pose, sensor},
                                   5, static_cast<std::uint64_t>(i))
                            .depth);
-    }
     return frames;
   }
 
@@ -58,33 +53,26 @@ class NoiseFiguresTest : public testing::Test {
   /// frame's mean, `local` of the difference between pixels `lag` columns apart, as if independent.
   static Spread Measure(const std::vector<DepthImage>& frames, double z, bool in_disparity) {
     constexpr int kLag = 3;  // beyond the grain's correlation, far below the warp's
-    double whole = 0, whole_count = 0, local = 0, local_count = 0;
+    Tally whole, local;
     for (const DepthImage& frame : frames) {
       const auto error = [&](float d) {
         return in_disparity ? kFocalBaseline / d - kFocalBaseline / z : d - z;
       };
-      double mean = 0, count = 0;
-      for (const float d : frame) {
-        if (d <= 0) continue;
-        mean += error(d);
-        ++count;
-      }
-      mean /= count;
-      for (const float d : frame) {
-        if (d > 0) whole += std::pow(error(d) - mean, 2);
-      }
-      whole_count += count;
+      Tally errors;
+      for (const float d : frame)
+        if (d > 0) errors += error(d);
+      for (const float d : frame)
+        if (d > 0) whole += error(d) - errors.Mean();
       for (int v = 0; v < frame.height(); ++v) {
         for (int u = kLag; u + kLag < frame.width(); ++u) {
           const float a = frame(u - kLag, v), b = frame(u, v), c = frame(u + kLag, v);
           if (a <= 0 || b <= 0 || c <= 0) continue;
           // The second difference leaves out what is smooth; its variance is 1.5 times a pixel's.
-          local += std::pow(error(b) - 0.5 * (error(a) + error(c)), 2) / 1.5;
-          ++local_count;
+          local += (error(b) - 0.5 * (error(a) + error(c))) / std::sqrt(1.5);
         }
       }
     }
-    return {std::sqrt(local / local_count), std::sqrt(whole / whole_count)};
+    return {local.Rms(), whole.Rms()};
   }
 
   EglContext egl_;
@@ -135,10 +123,8 @@ TEST_F(NoiseFiguresTest, TimeOfFlightEdgeGaps) {
 
 TEST_F(NoiseFiguresTest, ShareOfHolesInRooms) {
   for (const bool stereo : {false, true}) {
-    SampleConfig config;
-    config.sensors = {stereo ? kD415 : kAzure};
-    config.image_sizes = {stereo ? "320x180" : "320x288"};
-    const SampleContext context = MakeSampleContext(config, 1);
+    const SampleContext context =
+        MakeSampleContext(stereo ? SamplesOf(kD415, "320x180") : SamplesOf(kAzure, "320x288"), 1);
     DepthStatistics statistics({stereo});
     for (std::uint64_t i = 0; i < 160; ++i) {
       const Sample sample = Synthesize(context, renderer_, 12, i);

@@ -4,24 +4,35 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/noise_fields.h"
+#include "core/geometry/frame_errors.h"
+#include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/noise_kernels.h"
 #include "render/sample.h"
+#include "render/subpixels.h"
 #include "render/tiles/tile_renderer.h"
-#include "tests/render/corner_scene.h"
-#include "tests/render/wall_scene.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
+#include "tests/render/noise_scenes.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::noise_test {
 namespace {
 
 const char* const kAzure = "azure_kinect_nfov_binned";
 const char* const kD415 = "realsense_d415";
+const NoiseConfig kPhysics = [] {
+  NoiseConfig config;
+  config.models = {"physics"};
+  return config;
+}();
 
 class NoiseTest : public testing::Test {
  protected:
@@ -49,84 +60,58 @@ struct Residual {
 /// `local`: standard deviation per pixel estimated from differences of horizontal neighbours, which
 /// a smooth warp hardly changes.
 Residual Measure(const DepthImage& depth, double z, bool in_disparity) {
-  Residual out;
-  double n = 0, pairs = 0, sum = 0, squares = 0, differences = 0;
-  for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      const double d = depth(u, v);
-      if (d == 0) continue;
-      const double e = in_disparity ? 51.9 / d - 51.9 / z : d - z;
-      ++n;
-      sum += e;
-      squares += e * e;
-      if (u + 1 < depth.width() && depth(u + 1, v) > 0) {
-        const double f = depth(u + 1, v);
-        const double g = in_disparity ? 51.9 / f - 51.9 / z : f - z;
-        ++pairs;
-        differences += (e - g) * (e - g);
-      }
+  Tally errors, differences;
+  for (const auto [u, v] : Pixels(depth)) {
+    const double d = depth(u, v);
+    if (d == 0) continue;
+    const double e = in_disparity ? 51.9 / d - 51.9 / z : d - z;
+    errors += e;
+    if (u + 1 < depth.width() && depth(u + 1, v) > 0) {
+      const double f = depth(u + 1, v);
+      const double g = in_disparity ? 51.9 / f - 51.9 / z : f - z;
+      differences += e - g;
     }
   }
-  out.mean = sum / n;
-  out.rms = std::sqrt(squares / n - out.mean * out.mean);
-  out.local = std::sqrt(0.5 * differences / pairs);
-  out.valid = n / static_cast<double>(depth.size());
-  return out;
+  return {errors.Mean(), std::sqrt(errors.Variance()), std::sqrt(0.5) * differences.Rms(),
+          errors.count / static_cast<double>(depth.size())};
 }
 
 TEST(NoiseFieldsTest, SmoothFieldHasUnitVarianceAndItsCorrelation) {
-  double squares = 0, sum = 0, n = 0, lag = 0, pairs = 0, far = 0, far_pairs = 0;
+  Tally values, lag, far;
   for (std::uint64_t i = 0; i < 60; ++i) {
     RandomStream random(1, i, "field");
     const Image<float> field = SmoothField(120, 90, 12, random);
-    for (int v = 0; v < 90; ++v) {
-      for (int u = 0; u < 120; ++u) {
-        sum += field(u, v);
-        squares += field(u, v) * field(u, v);
-        ++n;
-        if (u + 12 < 120) {
-          lag += field(u, v) * field(u + 12, v);
-          ++pairs;
-        }
-        if (u + 40 < 120) {
-          far += field(u, v) * field(u + 40, v);
-          ++far_pairs;
-        }
-      }
+    for (const auto [u, v] : Pixels(120, 90)) {
+      values += field(u, v);
+      if (u + 12 < 120) lag += field(u, v) * field(u + 12, v);
+      if (u + 40 < 120) far += field(u, v) * field(u + 40, v);
     }
   }
-  EXPECT_NEAR(sum / n, 0, 0.1);
-  EXPECT_NEAR(squares / n, 1, 0.1);
-  EXPECT_NEAR(lag / pairs, std::exp(-1.0), 0.1);
-  EXPECT_NEAR(far / far_pairs, 0, 0.08);
+  EXPECT_NEAR(values.Mean(), 0, 0.1);
+  EXPECT_NEAR(values.squares / values.count, 1, 0.1);
+  EXPECT_NEAR(lag.Mean(), std::exp(-1.0), 0.1);
+  EXPECT_NEAR(far.Mean(), 0, 0.08);
 }
 
 TEST(NoiseFieldsTest, PixelNumbersHaveTheirMoments) {
   RandomStream random(1, 2, "pixel");
   const PixelRandom pixel(random);
-  double sum = 0, squares = 0, uniform = 0;
-  constexpr int kCount = 200'000;
-  for (int i = 0; i < kCount; ++i) {
-    const double x = pixel.Normal(static_cast<std::uint64_t>(i));
-    sum += x;
-    squares += x * x;
-    uniform += pixel.Uniform(static_cast<std::uint64_t>(i));
+  Tally normal, uniform;
+  for (std::uint64_t i = 0; i < 200'000; ++i) {
+    normal += pixel.Normal(i);
+    uniform += pixel.Uniform(i);
   }
-  EXPECT_NEAR(sum / kCount, 0, 0.012);
-  EXPECT_NEAR(squares / kCount, 1, 0.012);
-  EXPECT_NEAR(uniform / kCount, 0.5, 0.004);
+  EXPECT_NEAR(normal.Mean(), 0, 0.012);
+  EXPECT_NEAR(normal.squares / normal.count, 1, 0.012);
+  EXPECT_NEAR(uniform.Mean(), 0.5, 0.004);
 }
 
 TEST(NoiseFieldsTest, PoissonHasItsMeanAndVariance) {
   RandomStream random(1, 2, "poisson");
-  double sum = 0, squares = 0;
-  for (int i = 0; i < 4000; ++i) {
-    const int x = DrawPoisson(6, random);
-    sum += x;
-    squares += x * x;
-  }
-  EXPECT_NEAR(sum / 4000, 6, 0.25);
-  EXPECT_NEAR(squares / 4000 - std::pow(sum / 4000, 2), 6, 0.8);
+  Tally drawn;
+  for (int i = 0; i < 4000; ++i) drawn += DrawPoisson(6, random);
+  EXPECT_NEAR(drawn.Mean(), 6, 0.25);
+  EXPECT_NEAR(drawn.Variance(), 6, 0.8);
 }
 
 // docs/sensor-models.md: bias within 11 mm; mask about 82 %. noise_figures_test has the others.
@@ -152,19 +137,15 @@ TEST_F(NoiseTest, TimeOfFlightHasABiasAndAMask) {
 TEST_F(NoiseTest, TimeOfFlightGrainIsAlikeAlongRowsAndColumns) {
   const Intrinsics k = CentredCamera(640, 576, 504);
   const NoisyView noisy = Spoil(MakeWall(8.0, 0, k), k, kAzure, 0);
-  double along_rows = 0, along_columns = 0;
-  int pairs = 0;
-  for (int v = 1; v < k.height; ++v) {
-    for (int u = 1; u < k.width; ++u) {
-      const float d = noisy.depth(u, v), left = noisy.depth(u - 1, v), up = noisy.depth(u, v - 1);
-      if (d == 0 || left == 0 || up == 0) continue;
-      along_rows += std::pow(d - left, 2);
-      along_columns += std::pow(d - up, 2);
-      ++pairs;
-    }
+  Tally along_rows, along_columns;
+  for (const auto [u, v] : Pixels({1, 1}, {k.width, k.height})) {
+    const float d = noisy.depth(u, v), left = noisy.depth(u - 1, v), up = noisy.depth(u, v - 1);
+    if (d == 0 || left == 0 || up == 0) continue;
+    along_rows += d - left;
+    along_columns += d - up;
   }
-  EXPECT_GT(pairs, 100000);
-  EXPECT_NEAR(std::sqrt(along_rows / along_columns), 1, 0.05);
+  EXPECT_GT(along_rows.count, 100000);
+  EXPECT_NEAR(along_rows.Rms() / along_columns.Rms(), 1, 0.05);
 }
 
 TEST_F(NoiseTest, HexagonKeepsItsShapeAtHalfSize) {
@@ -194,9 +175,7 @@ TEST_F(NoiseTest, StereoLosesTheBandThatOneCameraSees) {
     for (std::uint64_t i = 0; i < 12; ++i) {
       const NoisyView noisy = Spoil(scene, k, kD415, i);
       const int band = static_cast<int>(std::ceil(51.9 / 4 / z));
-      for (int v = 20; v < 160; ++v) {
-        for (int u = 0; u < band; ++u) EXPECT_EQ(noisy.depth(u, v), 0);
-      }
+      for (const auto [u, v] : Pixels({0, 20}, {band, 160})) EXPECT_EQ(noisy.depth(u, v), 0);
       int valid_column = 0;
       for (int v = 20; v < 160; ++v) valid_column += noisy.depth(band, v) > 0;
       EXPECT_GT(valid_column, 60);
@@ -266,32 +245,23 @@ CornerErrors MeasureCorner(const NoiseConfig& config, int frames, const Structur
   const CornerScene scene(structure, renderer);
   const auto& [mesh, k, pose, view] = scene;
   const double y = structure.FloorHeight();
-  double near = 0, middle = 0, far = 0, near_count = 0, middle_count = 0, far_count = 0;
+  Tally near, middle, far;
   for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(frames); ++i) {
     const NoisyView noisy = ApplyNoise(config, {view, mesh, structure, k, pose, kAzure}, 78, i);
-    for (int v = 0; v < k.height; ++v) {
-      for (int u = 0; u < k.width; ++u) {
-        const double z = view.depth(u, v);
-        if (noisy.depth(u, v) == 0 || view.labels(u, v) != 0) continue;
-        const Eigen::Vector3d p =
-            pose * Eigen::Vector3d((u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z);
-        if (std::abs(p.y() - y) > 1e-3 || std::abs(p.z()) > 0.12) continue;
-        const double error = noisy.depth(u, v) - z;
-        if (p.x() < 0.275 + 0.05) {
-          near += error;
-          ++near_count;
-        } else if (p.x() > 0.275 + 0.08 && p.x() < 0.275 + 0.18) {
-          middle += error;
-          ++middle_count;
-        } else if (p.x() > 0.275 + 0.35) {
-          far += error;
-          ++far_count;
-        }
-      }
+    for (const auto [u, v] : Pixels(k.width, k.height)) {
+      const double z = view.depth(u, v);
+      if (noisy.depth(u, v) == 0 || view.labels(u, v) != 0) continue;
+      const Eigen::Vector3d p =
+          pose * Eigen::Vector3d((u - k.cx) / k.fx * z, (v - k.cy) / k.fy * z, z);
+      if (std::abs(p.y() - y) > 1e-3 || std::abs(p.z()) > 0.12) continue;
+      const double error = noisy.depth(u, v) - z;
+      if (p.x() < 0.275 + 0.05) near += error;
+      if (p.x() > 0.275 + 0.08 && p.x() < 0.275 + 0.18) middle += error;
+      if (p.x() > 0.275 + 0.35) far += error;
     }
   }
-  EXPECT_GT(std::min({near_count, middle_count, far_count}), 12.0 * frames);
-  return {near / near_count - far / far_count, middle / middle_count - far / far_count};
+  EXPECT_GT(std::min({near.count, middle.count, far.count}), 12.0 * frames);
+  return {near.Mean() - far.Mean(), middle.Mean() - far.Mean()};
 }
 
 TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
@@ -301,9 +271,7 @@ TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
   EXPECT_NEAR(errors.near, 0.0057, 0.003);
   EXPECT_NEAR(errors.middle, 0.0071, 0.003);
   // Light that bounces off the box has farther to go, too.
-  NoiseConfig physics;
-  physics.models = {"physics"};
-  const CornerErrors bounced = MeasureCorner(physics, 6, structure_, renderer_);
+  const CornerErrors bounced = MeasureCorner(kPhysics, 6, structure_, renderer_);
   EXPECT_GT(bounced.middle, 0.001);
   EXPECT_LT(bounced.middle, 0.012);
   // Close to the seam the way over the box is hardly longer.
@@ -314,11 +282,9 @@ TEST_F(NoiseTest, ConcaveCornersReadTooFar) {
 // harmonics.
 TEST_F(NoiseTest, PhysicsOfTimeOfFlightHasTheWhiteNoiseOfRealFrames) {
   const Intrinsics k = CentredCamera(320, 288, 252);
-  NoiseConfig physics;
-  physics.models = {"physics"};
   for (const double z : {1.0, 2.0, 3.0}) {
     const WallScene scene = MakeWall(z, 0, k);
-    const Residual r = Measure(Spoil(scene, k, kAzure, 1, physics).depth, z, false);
+    const Residual r = Measure(Spoil(scene, k, kAzure, 1, kPhysics).depth, z, false);
     // 0.4 mm at 2 m and what grows with z for reflectivity 0.6, 1 mm steps, an offset of each
     // pixel.
     const double white = 0.0004 * z / 2 * std::sqrt(0.6 / 0.9);
@@ -331,12 +297,10 @@ TEST_F(NoiseTest, PhysicsOfTimeOfFlightHasTheWhiteNoiseOfRealFrames) {
 
 TEST_F(NoiseTest, PhysicsOfTimeOfFlightMixesSurfacesAtEdges) {
   const Intrinsics k = CentredCamera(320, 288, 252);
-  NoiseConfig physics;
-  physics.models = {"physics"};
   int lost = 0, off = 0, rows = 0;
   for (const double wall : {2.2, 2.6, 3.0, 3.4, 3.8}) {
     const WallScene scene = MakeWall(wall, 1.77, k);
-    const NoisyView noisy = Spoil(scene, k, kAzure, 1, physics);
+    const NoisyView noisy = Spoil(scene, k, kAzure, 1, kPhysics);
     for (int v = 110; v < 178; ++v) {
       ++rows;
       // The plate's right edge, column 159.5 + 42.7: a pixel of which it has 70 %.
@@ -358,28 +322,22 @@ TEST_F(NoiseTest, PhysicsOfTimeOfFlightMixesSurfacesAtEdges) {
 
 TEST_F(NoiseTest, PhysicsOfADeviceStaysFromFrameToFrame) {
   const Intrinsics k = CentredCamera(160, 144, 126), d415 = CentredCamera(160, 90, 118);
-  NoiseConfig physics;
-  physics.models = {"physics"};
   for (const bool stereo : {false, true}) {
     const Intrinsics& camera = stereo ? d415 : k;
     const WallScene scene = MakeWall(2.0, 0, camera);
     const std::string sensor = stereo ? kD415 : kAzure;
     const NoiseInput input{scene.view, scene.mesh, structure_, camera, scene.pose, sensor};
     DeviceErrors device;
-    const NoisyView first = ApplyNoise(physics, input, 5, 1, &device);
-    const NoisyView second = ApplyNoise(physics, input, 5, 2, &device);
-    const NoisyView other = ApplyNoise(physics, input, 5, 3);
-    EXPECT_TRUE(ApplyNoise(physics, input, 5, 1).depth == first.depth);
+    const NoisyView first = ApplyNoise(kPhysics, input, 5, 1, &device);
+    const NoisyView second = ApplyNoise(kPhysics, input, 5, 2, &device);
+    const NoisyView other = ApplyNoise(kPhysics, input, 5, 3);
+    EXPECT_TRUE(ApplyNoise(kPhysics, input, 5, 1).depth == first.depth);
     EXPECT_FALSE(second.depth == first.depth);
     const auto apart = [](const NoisyView& a, const NoisyView& b) {
-      double sum = 0;
-      int n = 0;
-      for (std::size_t i = 0; i < a.depth.size(); ++i) {
-        if (!(a.depth[i] > 0 && b.depth[i] > 0)) continue;
-        sum += a.depth[i] - b.depth[i];
-        ++n;
-      }
-      return std::abs(sum / n);
+      Tally off;
+      for (std::size_t i = 0; i < a.depth.size(); ++i)
+        if (a.depth[i] > 0 && b.depth[i] > 0) off += a.depth[i] - b.depth[i];
+      return std::abs(off.Mean());
     };
     EXPECT_LT(apart(first, second), 2e-4) << sensor;
     EXPECT_GT(apart(first, other), 1e-3) << sensor;
@@ -389,13 +347,11 @@ TEST_F(NoiseTest, PhysicsOfADeviceStaysFromFrameToFrame) {
 // The noise model "physics", of stereo: what block matching makes of two pictures.
 TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
   const Intrinsics k = CentredCamera(320, 180, 236);
-  NoiseConfig physics;
-  physics.models = {"physics"};
   for (const double z : {1.5, 3.0}) {
     const WallScene scene = MakeWall(z, 0, k);
     double rms = 0;
     for (std::uint64_t i = 0; i < 4; ++i) {
-      const Residual r = Measure(Spoil(scene, k, kD415, i, physics).depth, z, true);
+      const Residual r = Measure(Spoil(scene, k, kD415, i, kPhysics).depth, z, true);
       rms += r.rms / 4;
       EXPECT_GT(r.valid, 0.8) << z;
       EXPECT_LT(r.local, 0.08) << z;
@@ -406,7 +362,7 @@ TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
   }
   // The plate spans 0.6 m at 1.6 m: columns 159.5 -+ 44.25. Shadow: 12.975 (1/1.6 - 1/4) = 4.9 px.
   const WallScene scene = MakeWall(4.0, 1.6, k);
-  const NoisyView noisy = Spoil(scene, k, kD415, 1, physics);
+  const NoisyView noisy = Spoil(scene, k, kD415, 1, kPhysics);
   double shadow = 0, grown = 0;
   for (int v = 70; v < 110; ++v) {
     int u = 119;
@@ -426,8 +382,6 @@ TEST_F(NoiseTest, PhysicsOfStereoErrsInDisparityAndGrowsTheForeground) {
 // The mean of pixels that are not about the middle of theirs would move all that is seen.
 TEST_F(NoiseTest, PhysicsOfStereoMovesNothingAside) {
   const Intrinsics k = CentredCamera(160, 90, 118);
-  NoiseConfig physics;
-  physics.models = {"physics"};
   for (const bool rows : {true, false}) {
     // A ridge 2 m away, whose slopes fall off steeply to both sides. What a device adds to the
     // depth of both moves them in opposite directions.
@@ -449,26 +403,22 @@ TEST_F(NoiseTest, PhysicsOfStereoMovesNothingAside) {
     }
     scene.pose = LookAt({0, y, 0}, {2, y, 0}, 0);
     renderer_.Render(scene.mesh, k, scene.pose, &scene.view);
-    double sum = 0;
-    int count = 0;
+    Tally aside;
     for (std::uint64_t device = 0; device < 16; ++device) {
-      const NoisyView noisy = Spoil(scene, k, kD415, device, physics);
-      for (int v = 8; v < 82; ++v) {
-        for (int u = 8; u < 152; ++u) {
-          const auto clean = [&](int step) {
-            return rows ? scene.view.depth(u + step, v) : scene.view.depth(u, v + step);
-          };
-          const float before = clean(-5), after = clean(5);
-          const bool straight = std::abs(before + after - 2 * clean(0)) < 0.1F;
-          if (noisy.depth(u, v) == 0 || clean(0) > 3 || !straight) continue;
-          sum += (noisy.depth(u, v) - clean(0)) / (after - before) * 10;
-          ++count;
-        }
+      const NoisyView noisy = Spoil(scene, k, kD415, device, kPhysics);
+      for (const auto [u, v] : Pixels({8, 8}, {152, 82})) {
+        const auto clean = [&, u = u, v = v](int step) {
+          return rows ? scene.view.depth(u + step, v) : scene.view.depth(u, v + step);
+        };
+        const float before = clean(-5), after = clean(5);
+        const bool straight = std::abs(before + after - 2 * clean(0)) < 0.1F;
+        if (noisy.depth(u, v) == 0 || clean(0) > 3 || !straight) continue;
+        aside += (noisy.depth(u, v) - clean(0)) / (after - before) * 10;
       }
     }
-    EXPECT_GT(count, 5000) << rows;
+    EXPECT_GT(aside.count, 5000) << rows;
     // px. Tilts of 16 devices leave some 0.03; half a native pixel would be 0.125.
-    EXPECT_NEAR(sum / count, 0, 0.08) << rows;
+    EXPECT_NEAR(aside.Mean(), 0, 0.08) << rows;
   }
 }
 
@@ -499,10 +449,8 @@ TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
 // bands around both.
 TEST_F(NoiseTest, RoomsHaveTheMeasuredShareOfHoles) {
   for (const bool stereo : {false, true}) {
-    SampleConfig config;
-    config.sensors = {stereo ? "realsense_d415" : "azure_kinect_nfov_binned"};
-    config.image_sizes = {stereo ? "160x90" : "160x144"};
-    const SampleContext context = MakeSampleContext(config, 1);
+    const SampleContext context =
+        MakeSampleContext(stereo ? SamplesOf(kD415, "160x90") : SamplesOf(kAzure, "160x144"), 1);
     double valid = 0, on_structure = 0, structure = 0;
     constexpr int kCount = 60;
     for (std::uint64_t i = 0; i < kCount; ++i) {
@@ -533,25 +481,22 @@ TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
   long cleared = 0;
   for (std::uint64_t i = 0; i < 10; ++i) {
     const NoisyView noisy = Spoil(scene, k, kD415, i, config);
-    for (int v = 0; v < 90; ++v) {
-      for (int u = 0; u < 160; ++u) {
-        if (noisy.depth(u, v) > 0) {
-          EXPECT_EQ(noisy.depth(u, v), scene.view.depth(u, v));
-          EXPECT_EQ(noisy.labels(u, v), scene.view.labels(u, v));
-          continue;
-        }
-        ++cleared;
-        // Brute force: an edge of the plate lies within the border, which varies by up to 3.5 sigma
-        // of 40 %.
-        bool near_edge = false;
-        const int reach = static_cast<int>(4 * (1 + 0.4 * 4)) + 1;
-        for (int q = std::max(0, v - reach); q <= std::min(89, v + reach); ++q) {
-          for (int p = std::max(0, u - reach); p <= std::min(159, u + reach); ++p) {
-            near_edge |= scene.view.labels(p, q) != scene.view.labels(u, v);
-          }
-        }
-        EXPECT_TRUE(near_edge) << u << " " << v;
+    for (const auto [u, v] : Pixels(160, 90)) {
+      if (noisy.depth(u, v) > 0) {
+        EXPECT_EQ(noisy.depth(u, v), scene.view.depth(u, v));
+        EXPECT_EQ(noisy.labels(u, v), scene.view.labels(u, v));
+        continue;
       }
+      ++cleared;
+      // Brute force: an edge of the plate lies within the border, which varies by up to 3.5 sigma
+      // of 40 %.
+      bool near_edge = false;
+      const int reach = static_cast<int>(4 * (1 + 0.4 * 4)) + 1;
+      for (int q = std::max(0, v - reach); q <= std::min(89, v + reach); ++q) {
+        for (int p = std::max(0, u - reach); p <= std::min(159, u + reach); ++p)
+          near_edge |= scene.view.labels(p, q) != scene.view.labels(u, v);
+      }
+      EXPECT_TRUE(near_edge) << u << " " << v;
     }
   }
   EXPECT_GT(cleared, 1000);
@@ -576,12 +521,10 @@ TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
   const WallScene scene = MakeWall(kDistance, 0, k);
   const auto first_column = [&](const std::string& sensor) {
     const NoisyView noisy = Spoil(scene, k, sensor, 0);
-    for (int u = 0; u < k.width; ++u) {
-      for (int v = 0; v < k.height; ++v) {
-        if (noisy.depth(u, v) > 0) return u;
-      }
-    }
-    return k.width;
+    int first = k.width;
+    for (const auto [u, v] : Pixels(noisy.depth))
+      if (noisy.depth(u, v) > 0) first = std::min(first, u);
+    return first;
   };
   EXPECT_EQ(first_column("realsense_d415"), std::ceil(0.055 * 943.6 / 4 / kDistance));
   EXPECT_EQ(first_column("realsense_d435i"), std::ceil(0.050 * kFocal / kDistance));
@@ -599,9 +542,7 @@ TEST_F(NoiseTest, TheHexagonIsThatOfTheNarrowModes) {
       const WallScene scene = MakeWall(2.0, 0, k);
       const NoisyView noisy = Spoil(scene, k, sensor, 0);
       int measured = 0;
-      for (int v = 0; v < 20; ++v) {
-        for (int u = 0; u < 20; ++u) measured += noisy.depth(u, v) > 0;
-      }
+      for (const auto [u, v] : Pixels(20, 20)) measured += noisy.depth(u, v) > 0;
       EXPECT_EQ(measured > 200, height == 320) << sensor << " " << measured;
     }
   }
@@ -655,11 +596,7 @@ TEST(Noise, IsTheSameByEveryInstructionSet) {
   };
   for (const Case& c : {Case{"sensor", kD415, "320x180"}, Case{"sensor", kAzure, "320x288"},
                         Case{"physics", kD415, "73x41"}, Case{"physics", kAzure, "51x46"}}) {
-    SampleConfig config;
-    config.sensors = {c.sensor};
-    config.image_sizes = {c.size};
-    config.noise.models = {c.model};
-    const SampleContext context = MakeSampleContext(config, 16);
+    const SampleContext context = MakeSampleContext(SamplesOf(c.sensor, c.size, c.model), 16);
     TileRenderer renderer;
     for (std::uint64_t index = 0; index < 3; ++index) {
       std::vector<Sample> of_sets;
@@ -675,6 +612,88 @@ TEST(Noise, IsTheSameByEveryInstructionSet) {
       }
     }
   }
+}
+
+// Over many devices: what a wall that is seen askew is off by in the middle and at the border of
+// the picture.
+TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
+  const Intrinsics k = CentredCamera(160, 90, 118);
+  EglContext egl;
+  GlDepthRenderer renderer;
+  const Structure structure = ReadStructure("configs/structure.yaml");
+  SceneMesh mesh;
+  mesh.BeginObject({0.9F, 1.0F, false});
+  mesh.AppendQuad({Eigen::Vector3d(10, -90, -90), Eigen::Vector3d(10, 90, -90),
+                   Eigen::Vector3d(10, 90, 90), Eigen::Vector3d(10, -90, 90)},
+                  -Eigen::Vector3d::UnitX());
+  const Pose pose = LookAt({8.5, 2, 1}, {10, 2.3, 0}, 0);
+  RenderedView view;
+  renderer.Render(mesh, k, pose, &view);
+  for (const char* sensor : {"realsense_d415", "azure_kinect_nfov_binned"}) {
+    const DepthErrorModel& model = ErrorsOf(sensor);
+    const NoiseInput input = {view, mesh, structure, k, pose, sensor};
+    for (const auto& [u, v] : {std::pair{80, 45}, std::pair{4, 8}, std::pair{150, 80}}) {
+      const double z = view.depth(u, v);
+      const Eigen::Vector3d p(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
+      const FrameErrorVector at =
+          FrameErrorsAt(model, p, pose.linear().transpose() * -Eigen::Vector3d::UnitX());
+      const double expected =
+          std::hypot(model.gain * z, at.cwiseProduct(FrameErrorSigmas(model)).norm());
+      Tally errors;
+      for (std::uint64_t device = 0; device < 400; ++device) {
+        NoisyView noisy{DepthImage(k.width, k.height, 0), view.labels};
+        noisy.depth(u, v) = view.depth(u, v);
+        AddFrameErrors(input, {9, device, "frame"}, &noisy);
+        errors += noisy.depth(u, v) - z;
+        EXPECT_EQ(noisy.depth(0, 0), 0);
+      }
+      EXPECT_NEAR(errors.Rms(), expected, 0.12 * expected) << sensor << u;
+      EXPECT_NEAR(errors.Mean(), 0, 0.2 * expected) << sensor << u;
+    }
+  }
+}
+
+// Light that bounces has the longer way: a box that stands on the floor reads too far, and the
+// floor beside it.
+TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
+  EglContext egl;
+  GlDepthRenderer renderer;
+  const Structure structure = ReadStructure("configs/structure.yaml");
+  const CornerScene scene(structure, renderer);
+  const auto& [mesh, k, pose, view] = scene;
+  const double y = structure.FloorHeight();
+  const DepthErrorModel& model = ErrorsOf("azure_kinect_nfov_binned");
+  const NoiseInput input = {view, mesh, structure, k, pose, "azure_kinect_nfov_binned"};
+  constexpr int kDevices = 300;
+  Image<double> mean(k.width, k.height, 0);
+  for (std::uint64_t device = 0; device < kDevices; ++device) {
+    NoisyView noisy{view.depth, view.labels};
+    AddFrameErrors(input, {9, device, "frame"}, &noisy);
+    for (std::size_t i = 0; i < mean.size(); ++i)
+      mean[i] += (noisy.depth[i] - view.depth[i]) / kDevices;
+  }
+  const Side floor = FloorOf(structure);
+  const Subpixels bulging(input);
+  int on_front = 0, on_floor = 0;
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double z = view.depth(u, v);
+    const Eigen::Vector3d q =
+        pose * Eigen::Vector3d(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
+    const int label = view.labels(u, v);
+    const bool is_floor = label == 0 && std::abs(q.y() - y) < 1e-3 && q.x() > 0.3 && q.x() < 0.6 &&
+                          std::abs(q.z()) < 0.2;
+    const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
+    if (!is_floor && !is_front) continue;
+    const double expected =
+        model.bounce_m * BouncedShare(structure, is_floor ? floor : structure.SideOfLabel(label), q,
+                                      pose.translation(), model.bounce_reach_m);
+    const double bulge =
+        bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);
+    EXPECT_NEAR(mean(u, v) - bulge, expected, 0.0005) << u << " " << v;
+    (is_floor ? on_floor : on_front) += expected > 0.002;
+  }
+  EXPECT_GT(on_front, 200);
+  EXPECT_GT(on_floor, 200);
 }
 
 }  // namespace

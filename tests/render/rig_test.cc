@@ -23,6 +23,8 @@
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/render/test_scene.h"
 
@@ -39,13 +41,8 @@ class RigTest : public testing::Test {
   static Rig Parse(const std::string& yaml) {
     return ReadRig(ConfigSource::FromString(yaml, "test.yaml"));
   }
-  static std::string ErrorOf(const std::string& yaml) {
-    try {
-      Parse(yaml);
-    } catch (const ConfigError& error) {
-      return error.what();
-    }
-    return "";
+  static void ExpectBad(const std::string& yaml, const std::string& part) {
+    ExpectError<ConfigError>([&] { Parse(yaml); }, {part});
   }
 
   TempFolder folder_;
@@ -54,7 +51,7 @@ class RigTest : public testing::Test {
   GlDepthRenderer renderer_;
 };
 
-const char* const kTwo =
+const std::string kTwo =
     "structure_yaw_deg: 30\nseed: 5\nsensors:\n"
     "  - {name: A, sensor: realsense_d415, rho_cm: 210, phi_deg: 40, height_cm: 95}\n"
     "  - {name: B, sensor: azure_kinect_nfov_binned, rho_cm: 190, phi_deg: 200, height_cm: 120, "
@@ -104,9 +101,7 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
     const DepthImage depth = ToMetres(ReadDepthFile(dir_ / entry.at("depth").get<std::string>()),
                                       json.at("depth_scale"));
     ASSERT_EQ(depth.size(), sensor.depth.size());
-    for (std::size_t p = 0; p < depth.size(); ++p) {
-      EXPECT_NEAR(depth[p], sensor.depth[p], 1e-5);
-    }
+    for (std::size_t p = 0; p < depth.size(); ++p) EXPECT_NEAR(depth[p], sensor.depth[p], 1e-5);
     EXPECT_TRUE(ReadPng8(dir_ / (sensor.name + "_labels.png")) == sensor.labels);
     const Pose pose = PoseFromRows(
         json.at("ground_truth").at(sensor.name).get<std::vector<std::vector<double>>>(), "test");
@@ -119,20 +114,17 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
 }
 
 TEST_F(RigTest, GroundTruthReprojects) {
-  const RigCapture capture =
-      RenderOne(Parse(std::string("room: false\nnoise: none\n") + kTwo), renderer_);
+  const RigCapture capture = RenderOne(Parse("room: false\nnoise: none\n" + kTwo), renderer_);
   for (const CapturedSensor& sensor : capture.sensors) {
     const ExpectedView truth =
         CastView(capture.structure, ComputeRays(sensor.intrinsics), sensor.structure_from_sensor);
     long compared = 0, equal = 0, structure = 0;
-    for (int v = 0; v < sensor.depth.height(); ++v) {
-      for (int u = 0; u < sensor.depth.width(); ++u) {
-        if (IsEdge(truth.labels, truth.depth, u, v)) continue;
-        ++compared;
-        structure += truth.labels(u, v) != 0;
-        equal += truth.labels(u, v) == sensor.labels(u, v) &&
-                 std::abs(truth.depth(u, v) - sensor.depth(u, v)) < 1e-4F;
-      }
+    for (const auto [u, v] : Pixels(sensor.depth)) {
+      if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+      ++compared;
+      structure += truth.labels(u, v) != 0;
+      equal += truth.labels(u, v) == sensor.labels(u, v) &&
+               std::abs(truth.depth(u, v) - sensor.depth(u, v)) < 1e-4F;
     }
     EXPECT_GT(structure, 4000);
     EXPECT_GT(static_cast<double>(equal) / compared, 0.9995);
@@ -141,7 +133,7 @@ TEST_F(RigTest, GroundTruthReprojects) {
 
 TEST_F(RigTest, TheCaptureLeavesOutALensThatIsNotStated) {
   const RigCapture stated = RenderOne(Parse(kTwo), renderer_);
-  const RigCapture silent = RenderOne(Parse(std::string("state_lens: false\n") + kTwo), renderer_);
+  const RigCapture silent = RenderOne(Parse("state_lens: false\n" + kTwo), renderer_);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_TRUE(silent.sensors[i].depth == stated.sensors[i].depth);
     EXPECT_TRUE(silent.sensors[i].intrinsics == stated.sensors[i].intrinsics);
@@ -158,8 +150,7 @@ TEST_F(RigTest, LensSpreadIsThatOfFocalLengthsAndRadialFactors) {
   const auto factor = [](const Intrinsics& k) {
     return (ProjectRay(k, {0.6, 0}).x() - k.cx) / (0.6 * k.fx);
   };
-  std::vector<double> focal, radial;
-  double both = 0;
+  Tally focal, radial, both;
   for (int seed = 1; seed <= 60; ++seed) {
     const RigCapture capture = RenderOne(
         Parse("room: false\nnoise: none\nlens_spread_percent: 0.5\nseed: " + std::to_string(seed) +
@@ -168,23 +159,20 @@ TEST_F(RigTest, LensSpreadIsThatOfFocalLengthsAndRadialFactors) {
               "  - {name: B, sensor: azure_kinect_nfov_binned, image_size: 20x18}\n"),
         renderer_);
     for (const CapturedSensor& sensor : capture.sensors) {
-      focal.push_back(sensor.intrinsics.fx / sensor.stated_intrinsics.fx - 1);
-      radial.push_back(factor(sensor.intrinsics) / factor(sensor.stated_intrinsics) - 1);
-      both += focal.back() * radial.back();
-      EXPECT_DOUBLE_EQ(sensor.intrinsics.fy / sensor.stated_intrinsics.fy, 1 + focal.back());
+      const double longer = sensor.intrinsics.fx / sensor.stated_intrinsics.fx - 1;
+      const double wider = factor(sensor.intrinsics) / factor(sensor.stated_intrinsics) - 1;
+      focal += longer;
+      radial += wider;
+      both += longer * wider;
+      EXPECT_DOUBLE_EQ(sensor.intrinsics.fy / sensor.stated_intrinsics.fy, 1 + longer);
       EXPECT_EQ(sensor.intrinsics.cx, sensor.stated_intrinsics.cx);
     }
   }
-  for (const std::vector<double>* values : {&focal, &radial}) {
-    double sum = 0, squares = 0;
-    for (const double x : *values) {
-      sum += x;
-      squares += x * x;
-    }
-    EXPECT_NEAR(std::sqrt(squares / 120), 0.005, 0.0013);  // 4 sigma of its own
-    EXPECT_NEAR(sum / 120, 0, 0.0019);
+  for (const Tally* values : {&focal, &radial}) {
+    EXPECT_NEAR(values->Rms(), 0.005, 0.0013);  // 4 sigma of its own
+    EXPECT_NEAR(values->Mean(), 0, 0.0019);
   }
-  EXPECT_NEAR(both / 120 / (0.005 * 0.005), 0, 0.4);  // drawn independently
+  EXPECT_NEAR(both.Mean() / (0.005 * 0.005), 0, 0.4);  // drawn independently
 }
 
 TEST_F(RigTest, SensorsShareTheRoomButNotTheNoise) {
@@ -208,11 +196,15 @@ TEST_F(RigTest, SensorsShareTheRoomButNotTheNoise) {
   EXPECT_FALSE(a.depth == b.depth);
 }
 
+int Seen(const LabelImage& labels) {
+  return static_cast<int>(
+      std::count_if(labels.begin(), labels.end(), [](int label) { return label > 0; }));
+}
+
 TEST_F(RigTest, RoomWithoutStructureAndSensorThatLooksAway) {
-  const RigCapture empty =
-      RenderOne(Parse(std::string("structure_present: false\n") + kTwo), renderer_);
+  const RigCapture empty = RenderOne(Parse("structure_present: false\n" + kTwo), renderer_);
   for (const CapturedSensor& sensor : empty.sensors) {
-    EXPECT_EQ(*std::max_element(sensor.labels_clean.begin(), sensor.labels_clean.end()), 0);
+    EXPECT_EQ(Seen(sensor.labels_clean), 0);
     EXPECT_GT(
         std::count_if(sensor.depth.begin(), sensor.depth.end(), [](float z) { return z > 0; }),
         5000);
@@ -222,14 +214,7 @@ TEST_F(RigTest, RoomWithoutStructureAndSensorThatLooksAway) {
 
   const RigCapture away = RenderOne(
       Parse("sensors:\n  - {name: A, phi_deg: 0, look_at_cm: [600, 0, 100]}\n"), renderer_);
-  EXPECT_EQ(
-      *std::max_element(away.sensors[0].labels_clean.begin(), away.sensors[0].labels_clean.end()),
-      0);
-}
-
-int Seen(const LabelImage& labels) {
-  return static_cast<int>(
-      std::count_if(labels.begin(), labels.end(), [](int label) { return label > 0; }));
+  EXPECT_EQ(Seen(away.sensors[0].labels_clean), 0);
 }
 
 TEST_F(RigTest, ABoardHidesAShareOfEachView) {
@@ -259,25 +244,23 @@ TEST_F(RigTest, ABoardHidesAShareOfEachView) {
 }
 
 TEST_F(RigTest, MissingPixelsAreLostByThemselves) {
-  const std::string rig = std::string("noise: none\n") + kTwo;
+  const std::string rig = "noise: none\n" + kTwo;
   const RigCapture whole = RenderOne(Parse(rig), renderer_);
   const RigCapture part = RenderOne(Parse("missing_share: 0.3\n" + rig), renderer_);
   for (std::size_t i = 0; i < 2; ++i) {
     const DepthImage& before = whole.sensors[i].depth;
     const DepthImage& after = part.sensors[i].depth;
     int kept = 0, kept_beside = 0, measured = 0, beside = 0;
-    for (int v = 0; v < before.height(); ++v) {
-      for (int u = 1; u < before.width(); ++u) {
-        if (!(before(u, v) > 0)) continue;
-        ++measured;
-        kept += after(u, v) > 0;
-        if (after(u, v) > 0) {
-          EXPECT_EQ(after(u, v), before(u, v));
-        }
-        if (!(before(u - 1, v) > 0) || after(u - 1, v) > 0) continue;
-        ++beside;
-        kept_beside += after(u, v) > 0;
+    for (const auto [u, v] : Pixels({1, 0}, {before.width(), before.height()})) {
+      if (!(before(u, v) > 0)) continue;
+      ++measured;
+      kept += after(u, v) > 0;
+      if (after(u, v) > 0) {
+        EXPECT_EQ(after(u, v), before(u, v));
       }
+      if (!(before(u - 1, v) > 0) || after(u - 1, v) > 0) continue;
+      ++beside;
+      kept_beside += after(u, v) > 0;
     }
     EXPECT_NEAR(kept, 0.7 * measured, 0.01 * measured);
     EXPECT_NEAR(kept_beside, 0.7 * beside, 0.02 * beside);  // of those beside a lost one
@@ -300,17 +283,15 @@ TEST_F(RigTest, AStillIsAsItWasRecorded) {
   const double recorded[2][2] = {{31182, 2.14343},
                                  {68237, 3.30298}};  // pixels with depth, their mean depth in m
   for (std::size_t i = 0; i < 2; ++i) {
-    double sum = 0, valid = 0;
-    for (const float z : capture.sensors[i].depth) {
-      sum += z;
-      valid += z > 0;
-    }
-    EXPECT_NEAR(valid, recorded[i][0], 15);
-    EXPECT_NEAR(sum / valid, recorded[i][1], 1e-3);
+    Tally valid;
+    for (const float z : capture.sensors[i].depth)
+      if (z > 0) valid += z;
+    EXPECT_NEAR(valid.count, recorded[i][0], 15);
+    EXPECT_NEAR(valid.Mean(), recorded[i][1], 1e-3);
   }
 }
 
-const char* const kPlacements =
+const std::string kPlacements =
     "placements:\n"
     "  - {x_cm: 0, z_cm: 0, yaw_deg: 0}\n"
     "  - {x_cm: 60, z_cm: -40, yaw_deg: 110}\n";
@@ -329,7 +310,7 @@ TEST_F(RigTest, PlacementsHaveTheirClosedForm) {
 }
 
 TEST_F(RigTest, ATurnedStructureStaysAtItsPlaces) {
-  const Rig rig = Parse(std::string(kTwo) + kPlacements);
+  const Rig rig = Parse(kTwo + kPlacements);
   Rig turned = rig;
   constexpr double kTurn = 50;
   TurnStructure(kTurn, &turned);
@@ -373,20 +354,18 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
       const ExpectedView truth =
           CastView(built, ComputeRays(sensor.intrinsics), sensor.structure_from_sensor);
       long compared = 0, equal = 0, structure = 0, room = 0, same_room = 0;
-      for (int v = 0; v < sensor.depth.height(); ++v) {
-        for (int u = 0; u < sensor.depth.width(); ++u) {
-          if (IsEdge(truth.labels, truth.depth, u, v)) continue;
-          // Occluders and tripods may stand before the structure, not the other way round.
-          if (truth.labels(u, v) != 0 && sensor.labels(u, v) == 0) continue;
-          ++compared;
-          structure += truth.labels(u, v) != 0;
-          equal +=
-              truth.labels(u, v) == sensor.labels(u, v) &&
-              (truth.labels(u, v) == 0 || std::abs(truth.depth(u, v) - sensor.depth(u, v)) < 1e-4F);
-          if (truth.labels(u, v) != 0 || first.labels(u, v) != 0) continue;
-          ++room;
-          same_room += std::abs(sensor.depth(u, v) - first.depth(u, v)) < 1e-3F;
-        }
+      for (const auto [u, v] : Pixels(sensor.depth)) {
+        if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+        // Occluders and tripods may stand before the structure, not the other way round.
+        if (truth.labels(u, v) != 0 && sensor.labels(u, v) == 0) continue;
+        ++compared;
+        structure += truth.labels(u, v) != 0;
+        equal +=
+            truth.labels(u, v) == sensor.labels(u, v) &&
+            (truth.labels(u, v) == 0 || std::abs(truth.depth(u, v) - sensor.depth(u, v)) < 1e-4F);
+        if (truth.labels(u, v) != 0 || first.labels(u, v) != 0) continue;
+        ++room;
+        same_room += std::abs(sensor.depth(u, v) - first.depth(u, v)) < 1e-3F;
       }
       EXPECT_GT(structure, 3000);
       EXPECT_GT(static_cast<double>(equal) / compared, 0.9995);
@@ -394,7 +373,7 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
       EXPECT_GT(static_cast<double>(same_room) / room, 0.99);
     }
   }
-  const Pose level = FirstFromPlacement(Parse(std::string(kTwo) + kPlacements).placements[1]);
+  const Pose level = FirstFromPlacement(Parse(kTwo + kPlacements).placements[1]);
   const PoseError tilt = ComparePoses(stills[2].first_from_placement, level);
   EXPECT_LT(tilt.rotation_deg, 3);
   EXPECT_LT(tilt.translation_m, 0.05);
@@ -406,8 +385,7 @@ TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
       "placements:\n  - {x_cm: 40, z_cm: 10, yaw_deg: 30}\n"
       "  - {x_cm: 40, z_cm: 10, yaw_deg: 30, moved: [{sensor: B, translation_mm: [10, 0, 20], "
       "rotation_deg: [0, 3, 0]}]}\n";
-  const std::vector<RigCapture> stills =
-      RenderPlacements(Parse(std::string(kTwo) + moved), renderer_);
+  const std::vector<RigCapture> stills = RenderPlacements(Parse(kTwo + moved), renderer_);
   ASSERT_EQ(stills.size(), 3u);
   const auto pose = [&](std::size_t still, std::size_t sensor) {
     return stills[still].sensors[sensor].structure_from_sensor;
@@ -420,12 +398,11 @@ TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
       1e-12);
   EXPECT_TRUE(stills[1].sensors[0].labels_clean == stills[2].sensors[0].labels_clean);
   EXPECT_FALSE(stills[1].sensors[1].labels_clean == stills[2].sensors[1].labels_clean);
-  EXPECT_THROW(Parse(std::string(kTwo) + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"),
-               ConfigError);
+  EXPECT_THROW(Parse(kTwo + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"), ConfigError);
 }
 
 TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
-  const std::string alone = std::string("room: false\n") + kTwo;
+  const std::string alone = "room: false\n" + kTwo;
   const RigCapture one = RenderOne(Parse(alone), renderer_);
   for (const char* errors : {"", "device_errors: redrawn\n"}) {
     const RigCapture first = RenderPlacements(Parse(alone + kPlacements + errors), renderer_)[0];
@@ -440,7 +417,7 @@ TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
 
 /// Mean errors of blocks of pixels on what two stills see alike: of depth, or of 1 / z.
 struct CommonErrors {
-  std::vector<double> first, second;
+  Tally first, second, product;
 
   CommonErrors(const CapturedSensor& a, const CapturedSensor& b, bool inverse) {
     constexpr int kBlock = 8, kLeast = 40;
@@ -450,8 +427,7 @@ struct CommonErrors {
     };
     for (int v = 0; v + kBlock <= a.depth.height(); v += kBlock) {
       for (int u = 0; u + kBlock <= a.depth.width(); u += kBlock) {
-        double sum_a = 0, sum_b = 0;
-        int common = 0;
+        Tally of_a, of_b;
         for (int k = 0; k < kBlock * kBlock; ++k) {
           const int x = u + k % kBlock, y = v + k / kBlock;
           if (a.depth(x, y) == 0 || b.depth(x, y) == 0 ||
@@ -459,45 +435,32 @@ struct CommonErrors {
               std::abs(b.depth_clean(x, y) - a.depth_clean(x, y)) > 1e-3F) {
             continue;
           }
-          ++common;
-          sum_a += error(a, x, y);
-          sum_b += error(b, x, y);
+          of_a += error(a, x, y);
+          of_b += error(b, x, y);
         }
-        if (common < kLeast) continue;
-        first.push_back(sum_a / common);
-        second.push_back(sum_b / common);
+        if (of_a.count < kLeast) continue;
+        first += of_a.Mean();
+        second += of_b.Mean();
+        product += of_a.Mean() * of_b.Mean();
       }
     }
   }
   double Correlation() const {
-    const auto n = static_cast<double>(first.size());
-    double a = 0, b = 0, aa = 0, bb = 0, ab = 0;
-    for (std::size_t i = 0; i < first.size(); ++i) {
-      a += first[i];
-      b += second[i];
-      aa += first[i] * first[i];
-      bb += second[i] * second[i];
-      ab += first[i] * second[i];
-    }
-    return (ab - a * b / n) / std::sqrt((aa - a * a / n) * (bb - b * b / n));
+    return (product.Mean() - first.Mean() * second.Mean()) /
+           std::sqrt(first.Variance() * second.Variance());
   }
   /// Difference of the mean errors.
-  double Shift() const {
-    double sum = 0;
-    for (std::size_t i = 0; i < first.size(); ++i) sum += second[i] - first[i];
-    return sum / static_cast<double>(first.size());
-  }
+  double Shift() const { return second.Mean() - first.Mean(); }
 };
 
 TEST_F(RigTest, ErrorsOfADevicePersistUnlessTheyAreRedrawn) {
   // Both look at a wall, away from the structure, whose corners have errors that move with it.
   const std::string content =
-      std::string(
-          "scene: {clutter_count: [0, 0], wall_distance_m: [2.5, 3]}\nseed: 7\nsensors:\n"
-          "  - {name: A, sensor: realsense_d415, phi_deg: 180, rho_cm: 120, "
-          "look_at_cm: [-600, 30, 20]}\n"
-          "  - {name: B, sensor: azure_kinect_nfov_binned, phi_deg: 100, rho_cm: 120, "
-          "look_at_cm: [-20, 30, 600]}\n") +
+      "scene: {clutter_count: [0, 0], wall_distance_m: [2.5, 3]}\nseed: 7\nsensors:\n"
+      "  - {name: A, sensor: realsense_d415, phi_deg: 180, rho_cm: 120, "
+      "look_at_cm: [-600, 30, 20]}\n"
+      "  - {name: B, sensor: azure_kinect_nfov_binned, phi_deg: 100, rho_cm: 120, "
+      "look_at_cm: [-20, 30, 600]}\n" +
       kPlacements;
   const std::vector<RigCapture> kept = RenderPlacements(Parse(content), renderer_);
   const std::vector<RigCapture> redrawn =
@@ -507,7 +470,7 @@ TEST_F(RigTest, ErrorsOfADevicePersistUnlessTheyAreRedrawn) {
     for (std::size_t k = 1; k < 3; ++k) {
       const CommonErrors same(kept[0].sensors[i], kept[k].sensors[i], stereo);
       const CommonErrors other(redrawn[0].sensors[i], redrawn[k].sensors[i], stereo);
-      EXPECT_GT(same.first.size(), 100u);
+      EXPECT_GT(same.first.count, 100);
       EXPECT_GT(same.Correlation(), 0.9) << i << " " << k;
       EXPECT_LT(std::abs(other.Correlation()), 0.4) << i << " " << k;
       if (!stereo) {
@@ -530,7 +493,8 @@ TEST_F(RigTest, ErrorsOfADevicePersistUnlessTheyAreRedrawn) {
 
 TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
   Rig rig = Parse(kTwo);
-  double sum = 0, largest = 0, turn = 0;
+  Tally squares, turn;
+  double largest = 0;
   for (rig.seed = 1; rig.seed <= 60; ++rig.seed) {
     const std::vector<RigPlacement> five = DrawPlacements(rig, 5, 0.8);
     const std::vector<RigPlacement> two = DrawPlacements(rig, 2, 0.8);
@@ -540,15 +504,15 @@ TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
     EXPECT_EQ(two[1].yaw_deg, five[1].yaw_deg);
     for (const RigPlacement& placement : five) {
       const double rho = std::hypot(placement.x_cm, placement.z_cm);
-      sum += rho * rho;
+      squares += rho * rho;
       largest = std::max(largest, rho);
       turn += placement.yaw_deg;
     }
   }
   EXPECT_LE(largest, 80);
   EXPECT_GT(largest, 75);
-  EXPECT_NEAR(sum / 300, 80 * 80 / 2.0, 430);  // 4 sigma; uniform over the disc
-  EXPECT_NEAR(turn / 300, 180, 24);
+  EXPECT_NEAR(squares.Mean(), 80 * 80 / 2.0, 430);  // 4 sigma; uniform over the disc
+  EXPECT_NEAR(turn.Mean(), 180, 24);
   // Between two sensors that leave little room, none stands in either.
   rig.sensors[0].rho_cm = rig.sensors[1].rho_cm = 130;
   rig.noise = "none";
@@ -564,12 +528,8 @@ TEST_F(RigTest, ShippedRigsAreValid) {
   EXPECT_EQ(studio.placements.size(), 3u);
   // As its comment says: at the last placement S5 sees no structure, and S3 all of it.
   const RigCapture last = RenderPlacements(studio, renderer_).back();
-  const auto pixels = [&](std::size_t i) {
-    const LabelImage& labels = last.sensors[i].labels_clean;
-    return std::count_if(labels.begin(), labels.end(), [](std::uint8_t l) { return l > 0; });
-  };
-  EXPECT_EQ(pixels(4), 0);
-  EXPECT_GT(pixels(2), 2500);
+  EXPECT_EQ(Seen(last.sensors[4].labels_clean), 0);
+  EXPECT_GT(Seen(last.sensors[2].labels_clean), 2500);
 }
 
 TEST_F(RigTest, AGroupIsSensorsAlikeButForAngleAndHeight) {
@@ -589,10 +549,8 @@ TEST_F(RigTest, AGroupIsSensorsAlikeButForAngleAndHeight) {
   EXPECT_EQ(rig.sensors[5].image_size, "160x90");
   // What was expanded is a rig like any other.
   EXPECT_EQ(Parse(WriteConfig(rig)).sensors.size(), 6u);
-  EXPECT_NE(ErrorOf("groups: [{phi_deg: []}]\n").find("groups[0] has no sensor"),
-            std::string::npos);
-  EXPECT_NE(ErrorOf("groups: [{rho_cm: 150}, {rho_cm: 200}]\n").find("S1 stands twice"),
-            std::string::npos);
+  ExpectBad("groups: [{phi_deg: []}]\n", "groups[0] has no sensor");
+  ExpectBad("groups: [{rho_cm: 150}, {rho_cm: 200}]\n", "S1 stands twice");
 }
 
 TEST_F(RigTest, LevelAxesAreParallel) {
@@ -607,7 +565,7 @@ TEST_F(RigTest, LevelAxesAreParallel) {
 }
 
 TEST_F(RigTest, TurnsAreCapturesWithSeedsOfTheirOwn) {
-  const Rig rig = Parse(std::string(kTwo) + "turns_deg: [0, 45, -30]\n");
+  const Rig rig = Parse(kTwo + "turns_deg: [0, 45, -30]\n");
   const std::vector<Rig> turns = Turns(rig);
   ASSERT_EQ(turns.size(), 3u);
   EXPECT_EQ(turns[0].structure_yaw_deg, 30);
@@ -621,7 +579,7 @@ TEST_F(RigTest, TurnsAreCapturesWithSeedsOfTheirOwn) {
 }
 
 TEST_F(RigTest, EachTurnDrawsWhereSensorsLook) {
-  const Rig rig = Parse(std::string(kTwo) +
+  const Rig rig = Parse(kTwo +
                         "turns_deg: [0, 45]\n"
                         "groups: [{phi_deg: [40], height_cm: [80, 155], look_at_cm: [0, 5, 0], "
                         "look_at_radius_cm: 20}]\n");
@@ -691,16 +649,13 @@ TEST_F(RigTest, ThePapersSetUpsAreThePapers) {
 }
 
 TEST_F(RigTest, ErrorsNameTheSensor) {
-  EXPECT_NE(ErrorOf("room: true\n").find("sensors"), std::string::npos);
-  EXPECT_NE(ErrorOf("sensors: [{name: A}, {name: A}]\n").find("A stands twice"), std::string::npos);
-  EXPECT_NE(ErrorOf("sensors: [{name: -rf}]\n").find("begins with -"), std::string::npos);
-  EXPECT_NE(ErrorOf("sensors: [{name: ../A}]\n").find("../A"), std::string::npos);
-  EXPECT_NE(ErrorOf("sensors: [{name: A, rho: 3}]\n").find("rho"), std::string::npos);
+  ExpectBad("room: true\n", "sensors");
+  ExpectBad("sensors: [{name: A}, {name: A}]\n", "A stands twice");
+  ExpectBad("sensors: [{name: -rf}]\n", "begins with -");
+  ExpectBad("sensors: [{name: ../A}]\n", "../A");
+  ExpectBad("sensors: [{name: A, rho: 3}]\n", "rho");
   // A rig is one still: its room and structure are there or not.
-  for (const std::string key : {"room_probability"}) {
-    EXPECT_NE(ErrorOf("sensors: [{name: A}]\nscene: {" + key + ": 0.5}\n").find("scene." + key),
-              std::string::npos);
-  }
+  ExpectBad("sensors: [{name: A}]\nscene: {room_probability: 0.5}\n", "scene.room_probability");
   ExpectError<IoError>(
       [&] { RenderOne(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },
       {"structure = none.yaml", std::filesystem::current_path().string(),
@@ -712,8 +667,7 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
                          renderer_);
       },
       {"placements[1]", "x_cm: 170", "sensor A"});
-  EXPECT_NE(ErrorOf("sensors: [{name: A}]\ndevice_errors: same\n").find("persistent"),
-            std::string::npos);
+  ExpectBad("sensors: [{name: A}]\ndevice_errors: same\n", "persistent");
 }
 
 }  // namespace

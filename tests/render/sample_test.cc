@@ -3,20 +3,27 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
+#include "render/pose_sampler.h"
+#include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::sample_test {
@@ -32,9 +39,8 @@ void ExpectEqual(const Sample& a, const Sample& b) {
   EXPECT_TRUE(a.depth_clean == b.depth_clean);
   EXPECT_TRUE(a.labels_clean == b.labels_clean);
   ASSERT_EQ(a.box_offsets.size(), b.box_offsets.size());
-  for (std::size_t i = 0; i < a.box_offsets.size(); ++i) {
+  for (std::size_t i = 0; i < a.box_offsets.size(); ++i)
     EXPECT_EQ(a.box_offsets[i].matrix(), b.box_offsets[i].matrix());
-  }
 }
 
 SampleConfig SmallConfig() {
@@ -52,18 +58,15 @@ class SampleTest : public testing::Test {
 TEST_F(SampleTest, IsAPureFunctionWhateverTheOrderAndThread) {
   const SampleContext context = MakeSampleContext(SmallConfig(), 2);
   std::map<std::uint64_t, Sample> first;
-  for (const std::uint64_t i : {0, 1, 2, 3, 4, 5, 6, 7}) {
+  for (const std::uint64_t i : {0, 1, 2, 3, 4, 5, 6, 7})
     first[i] = Synthesize(context, renderer_, 9, i);
-  }
-  for (const std::uint64_t i : {7, 2, 5, 0}) {
+  for (const std::uint64_t i : {7, 2, 5, 0})
     ExpectEqual(first[i], Synthesize(context, renderer_, 9, i));
-  }
   std::thread([&] {
     const EglContext egl;
     GlDepthRenderer renderer;
-    for (const std::uint64_t i : {3, 6, 1}) {
+    for (const std::uint64_t i : {3, 6, 1})
       ExpectEqual(first[i], Synthesize(context, renderer, 9, i));
-    }
   }).join();
   EXPECT_FALSE(first[0].depth == Synthesize(context, renderer_, 10, 0).depth);
 }
@@ -135,13 +138,11 @@ TEST_F(SampleTest, ExactBareSampleIsWhatTheRayCasterSees) {
     const Sample sample = Synthesize(context, renderer_, 4, i);
     const ExpectedView truth =
         CastView(context.structure, ComputeRays(sample.intrinsics), sample.structure_from_sensor);
-    for (int v = 0; v < sample.depth.height(); ++v) {
-      for (int u = 0; u < sample.depth.width(); ++u) {
-        if (IsEdge(truth.labels, truth.depth, u, v)) continue;
-        ++compared;
-        equal += sample.labels(u, v) == truth.labels(u, v) &&
-                 std::abs(sample.depth(u, v) - truth.depth(u, v)) < 1e-4F;
-      }
+    for (const auto [u, v] : Pixels(sample.depth)) {
+      if (IsEdge(truth.labels, truth.depth, u, v)) continue;
+      ++compared;
+      equal += sample.labels(u, v) == truth.labels(u, v) &&
+               std::abs(sample.depth(u, v) - truth.depth(u, v)) < 1e-4F;
     }
   }
   EXPECT_GT(compared, 100'000);
@@ -221,35 +222,215 @@ TEST_F(SampleTest, SamplesWithoutTheStructureAreBackground) {
 
 TEST(SampleContextTest, NamesWhatIsWrong) {
   const auto message = [](const SampleConfig& config) {
-    try {
-      MakeSampleContext(config, 4);
-    } catch (const ConfigError& error) {
-      return std::string(error.what());
-    }
-    return std::string();
+    return ExpectError<ConfigError>([&] { MakeSampleContext(config, 4); });
   };
   SampleConfig config;
   config.sensors = {"kinect_v9"};
-  EXPECT_NE(message(config).find("kinect_v9"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "kinect_v9"));
   config = SampleConfig();
   config.image_sizes = {"160x160"};
-  EXPECT_NE(message(config).find("160x160"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "160x160"));
   // Each size has a sensor, but a sensor that is named has no size.
   config.image_sizes = {"160x144", "80x72"};
-  for (const char* part : {"realsense_d415 (1280x720, 640x480)", "[160x144, 80x72]"}) {
-    EXPECT_NE(message(config).find(part), std::string::npos) << message(config);
-  }
+  for (const char* part : {"realsense_d415 (1280x720, 640x480)", "[160x144, 80x72]"})
+    EXPECT_TRUE(Has(message(config), part));
   config.image_sizes = {"big"};
-  EXPECT_NE(message(config).find("big"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "big"));
   config = SampleConfig();
   config.pose.rho_cm = {200, 100};
   EXPECT_EQ(message(config).rfind("data.pose.rho_cm = [200, 100]", 0), 0U) << message(config);
   config = SampleConfig();
   config.pose.phi_jitter_deg = 10;
-  EXPECT_NE(message(config).find("phi_deg"), std::string::npos) << message(config);
+  EXPECT_TRUE(Has(message(config), "phi_deg"));
   config = SampleConfig();
-  EXPECT_EQ(message(config), "");
+  EXPECT_NO_THROW(MakeSampleContext(config, 4));
   EXPECT_THROW(MakeSampleContext(config, 0), ConfigError);
+}
+
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+TEST(PoseSamplerTest, StaysWithinThePapersRanges) {
+  PoseConfig config;
+  config.roll_offsets_deg = {0, 90, 180, 270};
+  std::array<int, 4> offsets{};
+  for (std::uint64_t i = 0; i < 2000; ++i) {
+    RandomStream random(11, i, "pose");
+    const Pose pose = SamplePose(config, random);
+    const Eigen::Vector3d t = pose.translation();
+    const double rho = std::hypot(t.x(), t.z());
+    EXPECT_GE(rho, 1.50 - 1e-9);
+    EXPECT_LE(rho, 2.75 + 1e-9);
+    EXPECT_GE(t.y(), -0.15 - 1e-9);
+    EXPECT_LE(t.y(), 0.75 + 1e-9);
+    EXPECT_NEAR(pose.linear().determinant(), 1, 1e-9);
+    // The optical axis passes the ball of look-at points.
+    const Eigen::Vector3d axis = pose.linear().col(2);
+    EXPECT_LE((t - t.dot(axis) * axis).norm(), 0.20 + 1e-9);
+    EXPECT_LT(t.dot(axis), 0);
+    // Roll: angle by which image -y (0), +x (90), +y (180), -x (270) ... miss the vertical. Down in
+    // the image plane is at -roll from the image's y axis.
+    const Eigen::Vector3d down = pose.linear().transpose() * Eigen::Vector3d(0, -1, 0);
+    double roll = std::atan2(down.x(), down.y()) / kDegree;
+    if (roll < -45) roll += 360;
+    const int offset = static_cast<int>(std::lround(roll / 90)) % 4;
+    ++offsets[static_cast<std::size_t>(offset)];
+    EXPECT_LE(std::abs(roll - 90 * std::lround(roll / 90)), 5 + 1e-6);
+  }
+  for (const int count : offsets) EXPECT_NEAR(count, 500, 100);  // 5 sigma
+}
+
+TEST(PoseSamplerTest, IsUniformInCylinderAndBall) {
+  PoseConfig config;
+  config.roll_deg = 0;
+  config.rho_cm = {100, 300};
+  constexpr int kCount = 4000;
+  double mean_rho = 0, mean_height = 0, miss = 0;
+  std::array<int, 8> octants{};
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    RandomStream random(12, i, "pose");
+    const Pose pose = SamplePose(config, random);
+    const Eigen::Vector3d t = pose.translation();
+    mean_rho += std::hypot(t.x(), t.z()) / kCount;
+    mean_height += t.y() / kCount;
+    const double phi = std::atan2(t.z(), t.x()) / kDegree + 180;
+    ++octants[std::min<std::size_t>(static_cast<std::size_t>(phi / 45), 7)];
+    const Eigen::Vector3d axis = pose.linear().col(2);
+    miss += (t - t.dot(axis) * axis).squaredNorm() / kCount;
+  }
+  EXPECT_NEAR(mean_rho, 2.0, 5 * 2.0 / std::sqrt(12.0 * kCount));
+  EXPECT_NEAR(mean_height, 0.30, 5 * 0.9 / std::sqrt(12.0 * kCount));
+  for (const int count : octants) EXPECT_NEAR(count, kCount / 8.0, 5 * std::sqrt(kCount / 8.0));
+  // A ball of radius r seen from afar: mean squared distance from the axis is 2/5 r^2.
+  EXPECT_NEAR(miss, 0.4 * 0.04, 0.002);
+}
+
+TEST(PoseSamplerTest, StaysAroundFixedPlacements) {
+  PoseConfig config;
+  config.rho_cm = {180, 200};
+  config.height_cm = {10, 40};
+  config.phi_deg = {45, 135, 225, 315};
+  config.phi_jitter_deg = 10;
+  constexpr int kCount = 4000;
+  std::array<int, 4> placements{};
+  std::array<int, 4> quarters{};  // of the deviation's range
+  for (std::uint64_t i = 0; i < kCount; ++i) {
+    RandomStream random(13, i, "pose");
+    const Eigen::Vector3d t = SamplePose(config, random).translation();
+    const double rho = std::hypot(t.x(), t.z());
+    EXPECT_GE(rho, 1.80 - 1e-9);
+    EXPECT_LE(rho, 2.00 + 1e-9);
+    EXPECT_GE(t.y(), 0.10 - 1e-9);
+    EXPECT_LE(t.y(), 0.40 + 1e-9);
+    const double phi = std::fmod(std::atan2(t.z(), t.x()) / kDegree + 360, 360);
+    const double off = phi - (90 * std::floor(phi / 90) + 45);
+    ASSERT_LE(std::abs(off), 10 + 1e-9);
+    ++placements[static_cast<std::size_t>(phi / 90)];
+    ++quarters[std::min<std::size_t>(static_cast<std::size_t>((off + 10) / 5), 3)];
+  }
+  const double quarter = kCount / 4.0;
+  for (const int count : placements) EXPECT_NEAR(count, quarter, 5 * std::sqrt(quarter));
+  for (const int count : quarters) EXPECT_NEAR(count, quarter, 5 * std::sqrt(quarter));
+}
+
+TEST(PoseSamplerTest, NeedsAMountingRoll) {
+  PoseConfig config;
+  config.roll_offsets_deg.clear();
+  RandomStream random(1, 1, "pose");
+  EXPECT_THROW(SamplePose(config, random), ConfigError);
+}
+
+std::shared_ptr<SampleContext> SmallContext(int batch_size) {
+  SampleConfig config;
+  config.image_sizes = {"80x72", "80x45"};
+  return std::make_shared<SampleContext>(MakeSampleContext(config, batch_size));
+}
+
+SampleStream::Options Threads(int num_threads, std::uint64_t first_index) {
+  SampleStream::Options options;
+  options.seed = 21;
+  options.first_index = first_index;
+  options.num_threads = num_threads;
+  options.prefetch = 2;
+  options.make_renderer = GlRenderers();
+  return options;
+}
+
+TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
+  const auto context = SmallContext(4);
+  const EglContext egl;
+  GlDepthRenderer renderer;
+  for (const int num_threads : {1, 3}) {
+    SampleStream stream(context, Threads(num_threads, 8));
+    std::uint64_t index = 8;
+    for (int batch = 0; batch < 6; ++batch) {
+      std::vector<Sample> samples;
+      if (batch % 2 == 0) {
+        samples = stream.Next();
+      } else {
+        for (int i = 0; i < 4; ++i) samples.push_back(stream.NextSample());
+      }
+      ASSERT_EQ(samples.size(), 4u);
+      for (const Sample& sample : samples) {
+        const Sample alone = Synthesize(*context, renderer, 21, index);
+        EXPECT_EQ(sample.index, index);
+        EXPECT_TRUE(sample.depth == alone.depth);
+        EXPECT_TRUE(sample.labels == alone.labels);
+        EXPECT_EQ(sample.structure_from_sensor.matrix(), alone.structure_from_sensor.matrix());
+        ++index;
+      }
+    }
+  }
+}
+
+TEST(SampleStreamTest, SlicesAreTheBatchesTakenApart) {
+  const auto context = SmallContext(4);
+  SampleStream whole(context, Threads(1, 8));
+  SampleStream::Options first = Threads(1, 8), second = Threads(2, 8);
+  first.slice = {0, 1};
+  second.slice = {1, 3};
+  SampleStream one(context, first), three(context, second);
+  for (int batch = 0; batch < 3; ++batch) {
+    const std::vector<Sample> samples = whole.Next();
+    std::vector<Sample> parts = one.Next();
+    for (Sample& sample : three.Next()) parts.push_back(std::move(sample));
+    ASSERT_EQ(parts.size(), samples.size());
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      EXPECT_EQ(parts[i].index, samples[i].index);
+      EXPECT_TRUE(parts[i].depth == samples[i].depth);
+    }
+  }
+  first.slice = {2, 3};
+  EXPECT_THROW(SampleStream(context, first), Error);
+}
+
+TEST(SampleStreamTest, AWorkersExceptionReachesTheCaller) {
+  const auto context = SmallContext(4);
+  for (IntrinsicsPoolEntry& entry : context->pool) entry.sensor = "unknown_sensor";
+  SampleStream stream(context, Threads(2, 0));
+  EXPECT_THROW(stream.Next(), ConfigError);
+  EXPECT_THROW(stream.Next(), ConfigError);
+}
+
+TEST(SampleStreamTest, StopsWithinABatch) {
+  const SampleConfig config = SamplesOf("azure_kinect_nfov_binned", "320x288");
+  constexpr int kBatch = 20000;  // drawn in a minute or more
+  const auto context = std::make_shared<SampleContext>(MakeSampleContext(config, kBatch));
+  SampleStream::Options options = Threads(2, 0);
+  options.begun = std::make_shared<std::atomic<std::uint64_t>>(0);
+  {
+    const SampleStream stream(context, options);
+    while (*options.begun < 4) std::this_thread::yield();
+  }
+  EXPECT_LT(*options.begun, kBatch / 2);
+}
+
+TEST(SampleStreamTest, RejectsBadOptions) {
+  const auto context = SmallContext(4);
+  EXPECT_THROW(SampleStream(context, Threads(1, 2)), Error);
+  EXPECT_THROW(SampleStream(context, Threads(0, 0)), Error);
+  SampleStream::Options options = Threads(1, 0);
+  options.prefetch = 0;
+  EXPECT_THROW(SampleStream(context, options), Error);
 }
 
 }  // namespace

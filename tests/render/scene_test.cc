@@ -5,11 +5,21 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <vector>
 
 #include "core/base/random.h"
+#include "core/geometry/lens.h"
 #include "core/geometry/structure.h"
+#include "core/geometry/visibility.h"
+#include "render/boards.h"
+#include "render/egl/egl_context.h"
+#include "render/egl/gl_depth_renderer.h"
 #include "render/pose_sampler.h"
+#include "render/scene_mesh.h"
+#include "render/subpixels.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
 
 namespace volalign::scene_test {
 namespace {
@@ -38,15 +48,13 @@ TEST_F(SceneTest, ExactAssemblyIsTheNominalStructure) {
   const AssembledStructure built = Assemble(structure_, {0, 0, 0}, 3, 4);
   EXPECT_EQ(built.structure.Hash(), structure_.Hash());
   EXPECT_EQ(built.size_scale, 1);
-  for (const Pose& offset : built.box_offsets) {
+  for (const Pose& offset : built.box_offsets)
     EXPECT_TRUE(offset.matrix().isApprox(Eigen::Matrix4d::Identity(), 1e-12));
-  }
 }
 
 TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
-  double sum_x = 0, sum_scale = 0;
-  constexpr int kCount = 400;
-  for (std::uint64_t i = 0; i < kCount; ++i) {
+  Tally x, scale;
+  for (std::uint64_t i = 0; i < 400; ++i) {
     const AssembledStructure built = Assemble(structure_, {4, 1, 0.5}, 3, i);
     double top = structure_.FloorHeight();
     for (std::size_t b = 0; b < built.box_offsets.size(); ++b) {
@@ -55,14 +63,12 @@ TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
       EXPECT_NEAR(pose.translation().y() - 0.5 * box.size.y(), top, 1e-9);
       EXPECT_NEAR(pose.linear()(1, 1), 1, 1e-12);  // turned about the vertical alone
       top = pose.translation().y() + 0.5 * box.size.y();
-      const double dx =
-          pose.translation().x() - structure_.boxes()[b].structure_from_box.translation().x();
-      sum_x += dx * dx;
+      x += pose.translation().x() - structure_.boxes()[b].structure_from_box.translation().x();
     }
-    sum_scale += std::pow(built.size_scale - 1, 2);
+    scale += built.size_scale - 1;
   }
-  EXPECT_NEAR(std::sqrt(sum_x / (4 * kCount)), 0.004, 0.0004);
-  EXPECT_NEAR(std::sqrt(sum_scale / kCount), 0.005, 0.0008);
+  EXPECT_NEAR(x.Rms(), 0.004, 0.0004);
+  EXPECT_NEAR(scale.Rms(), 0.005, 0.0008);
 }
 
 TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {
@@ -140,9 +146,8 @@ TEST_F(SceneTest, NothingStandsWhereTheStructureWillStand) {
       return StructureElsewhere{pose, built.structure};
     };
     const std::vector<StructureElsewhere> places{place(0.9), place(3.5)};  // the second by the wall
-    for (const StructureElsewhere& one : places) {
+    for (const StructureElsewhere& one : places)
       without += PointsInside(BuildScene(config, structure_, options, 5, i), one);
-    }
     options.elsewhere = places;
     const SceneMesh mesh = BuildScene(config, structure_, options, 5, i);
     for (const StructureElsewhere& one : places) {
@@ -207,9 +212,8 @@ TEST_F(SceneTest, SwitchingOneKindOffLeavesTheOthers) {
   config.occluder_probability = 1;
   const SceneMesh with = BuildScene(config, structure_, options, 5, 0);
   ASSERT_GT(with.faces.size(), without.faces.size());
-  for (std::size_t i = 0; i < without.faces.size(); ++i) {
+  for (std::size_t i = 0; i < without.faces.size(); ++i)
     EXPECT_EQ(without.faces[i].corners, with.faces[i].corners);
-  }
 }
 
 TEST_F(SceneTest, RoomEnclosesEverything) {
@@ -242,6 +246,248 @@ TEST_F(SceneTest, RoomEnclosesEverything) {
       EXPECT_TRUE(hit);
     }
   }
+}
+
+/// A triangle repeats its last one.
+std::vector<Eigen::Vector3d> CornersOf(const SceneFace& face) {
+  std::vector<Eigen::Vector3d> corners;
+  for (const Eigen::Vector3f& corner : face.corners) corners.push_back(corner.cast<double>());
+  return corners;
+}
+
+/// Area times the direction in which the corners turn by the right hand.
+Eigen::Vector3d AreaVector(const SceneFace& face) {
+  const std::vector<Eigen::Vector3d> c = CornersOf(face);
+  return 0.5 * (c[2] - c[0]).cross(c[3] - c[1]);
+}
+
+/// Of a closed mesh whose normals point outwards, by the divergence theorem.
+double Volume(const SceneMesh& mesh) {
+  double volume = 0;
+  for (const SceneFace& face : mesh.faces) volume += AreaVector(face).norm() * face.offset / 3;
+  return volume;
+}
+
+/// Planar faces with unit normals and their planes, and as much area to either side.
+void ExpectClosed(const SceneMesh& mesh) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const SceneFace& face : mesh.faces) {
+    EXPECT_NEAR(face.normal.norm(), 1, 1e-9);
+    for (const Eigen::Vector3d& corner : CornersOf(face))
+      EXPECT_NEAR(face.normal.dot(corner), face.offset, 1e-6);
+    EXPECT_NEAR(std::abs(AreaVector(face).normalized().dot(face.normal)), 1, 1e-5);
+    sum += AreaVector(face).norm() * face.normal;
+  }
+  EXPECT_LT(sum.norm(), 1e-6);
+}
+
+TEST(SceneMesh, ABoxIsClosedAndHasItsVolume) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp({0.3, -0.5, 0.8});
+  pose.translation() = Eigen::Vector3d(1, 2, -3);
+  SceneMesh mesh;
+  mesh.AppendBox(pose, {0.2, 0.4, 0.6});
+  EXPECT_EQ(mesh.faces.size(), 6u);
+  ExpectClosed(mesh);
+  EXPECT_NEAR(Volume(mesh), 0.2 * 0.4 * 0.6, 1e-6);
+  for (const SceneFace& face : mesh.faces) {
+    for (const Eigen::Vector3d& corner : CornersOf(face))
+      EXPECT_NEAR(
+          (pose.inverse() * corner).cwiseAbs().cwiseQuotient(Eigen::Vector3d(0.1, 0.2, 0.3)).sum(),
+          3, 1e-5);
+  }
+}
+
+TEST(SceneMesh, ACylinderIsAPrismOfItsSegments) {
+  const Eigen::Vector3d from(0.1, 0.2, 0.3), to(0.4, 1.0, -0.2);
+  SceneMesh mesh;
+  mesh.AppendCylinder(from, to, 0.25, 8);
+  ExpectClosed(mesh);
+  const double base = 0.5 * 8 * 0.25 * 0.25 * std::sin(M_PI / 4);
+  EXPECT_NEAR(Volume(mesh), base * (to - from).norm(), 1e-6);
+}
+
+TEST(SceneMesh, ACapsuleLiesOnTheSurfaceAboutItsAxis) {
+  const Eigen::Vector3d from(0.1, 0.2, 0.3), to(0.4, 1.0, -0.2);
+  const Eigen::Vector3d axis = (to - from).normalized();
+  SceneMesh mesh;
+  mesh.AppendCapsule(from, to, 0.25, 12);
+  ExpectClosed(mesh);
+  const auto from_axis = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
+    const double along = std::clamp(axis.dot(p - from), 0.0, (to - from).norm());
+    return p - (from + along * axis);
+  };
+  for (const SceneFace& face : mesh.faces) {
+    Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& corner : CornersOf(face)) {
+      EXPECT_NEAR(from_axis(corner).norm(), 0.25, 1e-6);
+      middle += 0.25 * corner;
+    }
+    EXPECT_GT(face.normal.dot(from_axis(middle)), 0);  // seen from outside
+  }
+  SceneMesh ball;
+  ball.AppendSphere(from, 0.25, 12);
+  ExpectClosed(ball);
+  for (const SceneFace& face : ball.faces) {
+    for (const Eigen::Vector3d& corner : CornersOf(face))
+      EXPECT_NEAR((corner - from).norm(), 0.25, 1e-6);
+  }
+}
+
+TEST(SceneMesh, AStructureHasItsSidesAndAnObjectForEachBox) {
+  const Structure structure = ReadStructure("configs/structure.yaml");
+  SceneMesh mesh;
+  mesh.BeginObject({});
+  mesh.AppendBox(Pose::Identity(), {1, 1, 1});
+  mesh.AppendStructure(structure);
+  ASSERT_EQ(mesh.objects.size(), 1 + structure.boxes().size());
+  EXPECT_FALSE(mesh.objects[0].is_structure);
+  ASSERT_EQ(mesh.faces.size(), 6 + structure.sides().size());
+  std::set<int> labels;
+  for (std::size_t i = 0; i < structure.sides().size(); ++i) {
+    const SceneFace& face = mesh.faces[6 + i];
+    const Side& side = structure.sides()[i];
+    EXPECT_EQ(face.label, side.label);
+    EXPECT_EQ(face.object, 1 + side.box);
+    EXPECT_TRUE(mesh.objects[static_cast<std::size_t>(face.object)].is_structure);
+    EXPECT_LT((face.normal - side.normal).norm(), 1e-9);
+    EXPECT_NEAR(AreaVector(face).norm(), 4 * side.half_u * side.half_v, 1e-6);
+    for (const Eigen::Vector3d& corner : CornersOf(face))
+      EXPECT_LT((side.ClosestPoint(corner) - corner).norm(), 1e-6);
+    labels.insert(face.label);
+  }
+  EXPECT_EQ(labels.size(), 21u);
+}
+
+Intrinsics Pinhole() { return {96, 72, 60, 60, 47.5, 35.5, {}}; }
+
+/// Whether the ray from the origin meets the convex body before `reach`.
+bool Meets(const SceneMesh& body, const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
+           double reach) {
+  double enter = 0, leave = reach;
+  for (const SceneFace& face : body.faces) {
+    const double rate = face.normal.dot(direction), gap = face.offset - face.normal.dot(origin);
+    if (rate > 0) leave = std::min(leave, gap / rate);
+    if (rate < 0) enter = std::max(enter, gap / rate);
+    if (rate == 0 && gap < 0) return false;
+  }
+  return enter < leave;
+}
+
+class Boards : public testing::Test {
+ protected:
+  Structure structure_ = ReadStructure("configs/structure.yaml");
+  RayTable rays_ = ComputeRays(Pinhole());
+  Pose pose_ = LookAt({1.5, 0.5, 1.2}, {0, 0, 0}, 0);
+};
+
+TEST_F(Boards, HideTheShareThatLiesFarthestToTheirSide) {
+  const ExpectedView view = CastView(structure_, rays_, pose_);
+  for (const BoardEdge edge : {BoardEdge::kLeft, BoardEdge::kRight, BoardEdge::kBelow}) {
+    for (const double share : {0.2, 0.7}) {
+      SCOPED_TRACE(static_cast<int>(edge) + share);
+      SceneMesh mesh;
+      AppendBoard(structure_, rays_, pose_, share, edge, &mesh);
+      ASSERT_EQ(mesh.faces.size(), 6u);
+      double lowest = 1;
+      for (const SceneFace& face : mesh.faces) {
+        for (const Eigen::Vector3f& corner : face.corners)
+          lowest = std::min(lowest, static_cast<double>(corner.y()));
+      }
+      EXPECT_NEAR(lowest, structure_.FloorHeight(), 1e-5);  // it stands on the floor
+      int hidden = 0, seen = 0;
+      double u_hidden = 0, u_seen = 0, v_hidden = 0, v_seen = 0;
+      for (const auto [u, v] : Pixels(rays_.width, rays_.height)) {
+        if (view.labels(u, v) == 0) continue;
+        const Eigen::Vector3d ray(rays_.at(u, v).x(), rays_.at(u, v).y(), 1);
+        const bool meets = Meets(mesh, pose_.translation(), pose_.linear() * ray, view.depth(u, v));
+        (meets ? hidden : seen) += 1;
+        (meets ? u_hidden : u_seen) += u;
+        (meets ? v_hidden : v_seen) += v;
+      }
+      EXPECT_NEAR(hidden, share * (hidden + seen), 0.05 * (hidden + seen));
+      ASSERT_GT(hidden, 0);
+      ASSERT_GT(seen, 0);
+      // In a levelled picture; v points down.
+      const double right = u_hidden / hidden - u_seen / seen;
+      const double down = v_hidden / hidden - v_seen / seen;
+      if (edge == BoardEdge::kLeft) {
+        EXPECT_LT(right, -3);
+      }
+      if (edge == BoardEdge::kRight) {
+        EXPECT_GT(right, 3);
+      }
+      if (edge == BoardEdge::kBelow) {
+        EXPECT_GT(down, 3);
+      }
+    }
+  }
+}
+
+TEST_F(Boards, ASensorThatSeesNoStructureHasNone) {
+  SceneMesh mesh;
+  AppendBoard(structure_, rays_, LookAt({1.5, 0.5, 1.2}, {3, 0.5, 3}, 0), 0.5, BoardEdge::kLeft,
+              &mesh);
+  EXPECT_TRUE(mesh.faces.empty());
+  EXPECT_TRUE(mesh.objects.empty());
+}
+
+/// The paper's stack alone, from `eye`.
+struct Seen {
+  Intrinsics k{160, 144, 126, 126, 79.5, 71.5, {}};
+  Pose pose;
+  SceneMesh mesh;
+  RenderedView view;
+  Structure structure = ReadStructure("configs/structure.yaml");
+  std::string sensor = "azure_kinect";
+
+  explicit Seen(const Eigen::Vector3d& eye) : pose(LookAt(eye, {0, 0, 0}, 0)) {
+    mesh.AppendStructure(structure);
+    for (SceneObject& object : mesh.objects) object.is_structure = true;
+    EglContext egl;
+    GlDepthRenderer renderer;
+    renderer.Render(mesh, k, pose, &view);
+  }
+  NoiseInput Input() const { return {view, mesh, structure, k, pose, sensor}; }
+};
+
+TEST(Subpixels, FindsTheFacesOfPixelsAlongTheirRays) {
+  const Seen seen({1.4, 0.3, 1.4});
+  const Subpixels subpixels(seen.Input());
+  int shown = 0, found = 0;
+  for (const auto [u, v] : Pixels(seen.k.width, seen.k.height)) {
+    const int face = seen.view.faces(u, v) - 1;
+    if (face < 0) continue;
+    ++shown;
+    const Eigen::Vector3f ray = subpixels.Ray(u, v);
+    found += subpixels.FaceAlong(ray, u, v) == face;
+    EXPECT_NEAR(subpixels.Depth(face, ray), seen.view.depth(u, v), 0.03);
+  }
+  EXPECT_GT(shown, 2000);
+  // Pixels whose centre lies on an edge, to rounding, may be either face's.
+  EXPECT_GE(found, shown - 3);
+}
+
+TEST(Subpixels, ASideBulgesAlikeForAllWhoSeeIt) {
+  const Seen seen({1.4, 0.3, 1.4}), from_elsewhere({1.7, -0.1, 1.1});
+  const Subpixels a(seen.Input()), b(from_elsewhere.Input());
+  ASSERT_EQ(seen.mesh.faces.size(), from_elsewhere.mesh.faces.size());
+  int bulged = 0;
+  for (int i = 0; i < static_cast<int>(seen.mesh.faces.size()); ++i) {
+    EXPECT_EQ(a.face(i).bulge, b.face(i).bulge);
+    EXPECT_LT(std::abs(a.face(i).bulge), 0.01F);
+    bulged += a.face(i).bulge != 0;
+    // In the middle, towards the sensor where it is outwards, and not at the border.
+    const SeenFace& face = a.face(i);
+    if (!(face.height > 0.1F)) continue;
+    const Eigen::Vector3f middle = face.corner + 0.5F * (face.along_u + face.along_v);
+    if (!(middle.z() > 0.1F)) continue;
+    EXPECT_NEAR(face.normal.dot(a.Depth(i, middle / middle.z()) * middle / middle.z() - middle),
+                face.bulge, 1e-4);
+    const Eigen::Vector3f border = face.corner + 0.5F * face.along_u;
+    EXPECT_NEAR(a.Depth(i, border / border.z()), border.z(), 1e-4);
+  }
+  EXPECT_GT(bulged, 10);
 }
 
 }  // namespace

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cmath>
+#include <string>
 
 #include "core/base/image.h"
+#include "core/geometry/camera.h"
 #include "render/sample_config.h"
 
 namespace volalign {
@@ -17,6 +19,22 @@ inline SampleConfig BareConfig() {
   config.scene.occluder_probability = 0;
   config.assembly = {0, 0, 0};
   config.noise.models = {"none"};
+  return config;
+}
+
+/// An Azure Kinect's at half size, with its lens.
+inline Intrinsics HalfKinect() {
+  Intrinsics k{160, 144, 126.1, 126.1, 79.3, 84.6, {}};
+  k.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
+  return k;
+}
+
+inline SampleConfig SamplesOf(const std::string& sensor, const std::string& size,
+                              const std::string& noise = "sensor") {
+  SampleConfig config;
+  config.sensors = {sensor};
+  config.image_sizes = {size};
+  config.noise.models = {noise};
   return config;
 }
 

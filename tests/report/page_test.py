@@ -3,7 +3,7 @@
 
     tests/report/page_test.py FOLDER     (of make_report.py)
 
-Needs Chromium (Debian package chromium; WebGL is drawn by its software renderer). Exits with 77, which CTest calls skipped, where it is absent.
+Needs Chromium (Debian package chromium; WebGL is drawn by its software renderer).
 """
 
 import json

@@ -27,14 +27,10 @@ namespace fs = std::filesystem;
 
 TrainConfig SmallRecipe() {
   SetTorchThreads(1);
-  ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
-  for (const char* assignment :
-       {"model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36, 64x36]",
-        "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=4",
-        "optim.warmup_samples=4", "loss.min_side_pixels=3"}) {
-    source.Set(assignment);
-  }
-  return ReadTrainConfig(source);
+  return RecipeWith({"model.base_channels=2", "model.residual_blocks=1",
+                     "data.image_sizes=[40x36, 64x36]", "run.batch_size=2", "run.samples=24",
+                     "run.log_every=2", "run.validation_samples=4", "optim.warmup_samples=4",
+                     "loss.min_side_pixels=3"});
 }
 
 std::shared_ptr<const SampleContext> Context(const TrainConfig& recipe) {
@@ -53,13 +49,6 @@ void Write(const fs::path& dir, const TrainConfig& recipe, std::int64_t seed, st
   WriteDataset(dir, Context(recipe), options);
 }
 
-TrainOptions Options(const fs::path& run_dir) {
-  TrainOptions options;
-  options.run_dir = run_dir;
-  options.quiet = true;
-  return options;
-}
-
 void ExpectSameRows(const std::vector<json>& a, const std::vector<json>& b) {
   ASSERT_EQ(a.size(), b.size());
   for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << "row " << i;
@@ -68,17 +57,17 @@ void ExpectSameRows(const std::vector<json>& a, const std::vector<json>& b) {
 TEST(TrainOnADataset, GivesTheLossesOfTheRenderedStream) {
   const TempFolder folder;
   TrainConfig config = SmallRecipe();
-  Train(config, Options(folder / "rendered"));
+  Train(config, QuietRun(folder / "rendered"));
   Write(folder / "train", config, config.run.seed, 24);
   Write(folder / "valid", config, config.run.validation_seed, 6);
   config.run.dataset = folder / "train";
   config.run.loader_threads = 3;
-  Train(config, Options(folder / "read"));
+  Train(config, QuietRun(folder / "read"));
   const std::vector<json> rendered = MetricsRows(folder / "rendered");
   ASSERT_EQ(rendered.size(), 13u);  // 12 steps, 1 validation
   ExpectSameRows(rendered, MetricsRows(folder / "read"));
   config.run.validation_dataset = folder / "valid";
-  Train(config, Options(folder / "both"));
+  Train(config, QuietRun(folder / "both"));
   ExpectSameRows(rendered, MetricsRows(folder / "both"));
 }
 
@@ -88,23 +77,16 @@ TEST(TrainOnADataset, ResumesInALaterEpoch) {
   Write(folder / "train", config, 7, 10);  // five batches: 24 samples are more than two epochs
   config.run.dataset = folder / "train";
   config.run.validation_samples = 0;
-  Train(config, Options(folder / "whole"));
-  TrainOptions options = Options(folder / "parts");
-  options.stop_at_samples = 14;
-  EXPECT_FALSE(Train(config, options).finished);
+  Train(config, QuietRun(folder / "whole"));
+  EXPECT_FALSE(Train(config, QuietRun(folder / "parts", 14)).finished);
   fs::rename(folder / "train", folder / "moved");
   config.run.dataset = folder / "moved";
   config.run.loader_threads = 2;
-  options.stop_at_samples = 0;
-  options.resume = true;
-  EXPECT_TRUE(Train(config, options).finished);
+  EXPECT_TRUE(Train(config, QuietRun(folder / "parts", 0, true)).finished);
   ExpectSameRows(MetricsRows(folder / "whole"), MetricsRows(folder / "parts"));
 
-  options.stop_at_samples = 6;
-  options.resume = false;
-  options.run_dir = folder / "third";
-  Train(config, options);
-  options.resume = true;
+  Train(config, QuietRun(folder / "third", 6));
+  const TrainOptions options = QuietRun(folder / "third", 6, true);
   config.run.dataset.clear();
   ExpectError<ConfigError>([&] { Train(config, options); }, {"other samples", "run.dataset = ''"});
   Write(folder / "other", config, 8, 10);
@@ -157,9 +139,7 @@ TEST_F(DatasetSourceTest, EpochsAreShuffledBatchesOfEverySample) {
     }
     std::vector<std::uint64_t> sorted = order;
     std::sort(sorted.begin(), sorted.end());
-    for (std::size_t i = 0; i < 22; ++i) {
-      EXPECT_EQ(sorted[i], 4 + i);
-    }
+    for (std::size_t i = 0; i < 22; ++i) EXPECT_EQ(sorted[i], 4 + i);
     if (epoch == 0) {
       EXPECT_EQ(order, sorted);
     }
@@ -191,11 +171,11 @@ TEST(TrainOnADataset, SaysWhatDoesNotFit) {
   const TempFolder folder;
   TrainConfig config = SmallRecipe();
   const auto expect = [&](const TrainConfig& bad, std::initializer_list<std::string> parts) {
-    ExpectError<ConfigError>([&] { Train(bad, Options(folder / "run")); }, parts);
+    ExpectError<ConfigError>([&] { Train(bad, QuietRun(folder / "run")); }, parts);
     EXPECT_FALSE(fs::exists(folder / "run"));
   };
   config.run.dataset = folder / "missing";
-  ExpectError<IoError>([&] { Train(config, Options(folder / "run")); },
+  ExpectError<IoError>([&] { Train(config, QuietRun(folder / "run")); },
                        {config.run.dataset, "volalign render"});
   Write(folder / "train", config, 7, 3, 1);
   config.run.dataset = folder / "train";

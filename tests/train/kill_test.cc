@@ -30,21 +30,12 @@ using std::chrono::microseconds;
 
 /// Rows, states and checkpoints come at numbers of samples that do not divide each other.
 TrainConfig KillConfig(OptimizerKind optimizer) {
-  TrainConfig config;
-  config.model.base_channels = 2;
-  config.model.residual_blocks = 1;
-  config.model.normalization = Normalization::kBatch;
+  TrainConfig config = ConfigOf(R"(
+model: {base_channels: 2, residual_blocks: 1, normalization: batch}
+optim: {lr: 3e-3, schedule: one_cycle, warmup_samples: 8, ema_decay: 0.9}
+run: {samples: 60, batch_size: 2, log_every: 6, checkpoint_every: 4, validate_every: 10,
+      validation_samples: 2})");
   config.optim.optimizer = optimizer;
-  config.optim.lr = 3e-3;
-  config.optim.schedule = Schedule::kOneCycle;
-  config.optim.warmup_samples = 8;
-  config.optim.ema_decay = 0.9;
-  config.run.samples = 60;
-  config.run.batch_size = 2;
-  config.run.log_every = 6;
-  config.run.checkpoint_every = 4;
-  config.run.validate_every = 10;
-  config.run.validation_samples = 2;
   return config;
 }
 
@@ -56,10 +47,7 @@ pid_t Start(OptimizerKind optimizer, const fs::path& run_dir) {
   int status = 1;
   try {
     SetTorchThreads(1);
-    TrainOptions options;
-    options.run_dir = run_dir;
-    options.resume = fs::exists(run_dir / "config.yaml");
-    options.quiet = true;
+    const TrainOptions options = QuietRun(run_dir, 0, fs::exists(run_dir / "config.yaml"));
     if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(optimizer), options).finished)
       status = 0;
   } catch (const std::exception& e) {

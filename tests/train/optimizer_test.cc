@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "tests/train/tiny_net.h"
+#include "train/averaging.h"
+#include "train/schedule.h"
 
 namespace volalign::optimizer_test {
 namespace {
@@ -67,9 +69,8 @@ TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
   StructureNet net = TinyNet(Normalization::kBatch);
   FlatModule flat(*net);
   at::Tensor between = at::ones({flat.parameters().numel()});
-  for (std::size_t i = 0; i < flat.tensors().size(); ++i) {
+  for (std::size_t i = 0; i < flat.tensors().size(); ++i)
     between.narrow(0, flat.offset(i), flat.tensors()[i].numel()).zero_();
-  }
   EXPECT_GT(between.sum().item<double>(), 0);
   OptimConfig config;
   config.optimizer = OptimizerKind::kAdamW;
@@ -80,6 +81,56 @@ TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
     adam.Step(0.1, adam.GradientNorm());
   }
   EXPECT_EQ((flat.parameters() * between).abs().max().item<double>(), 0);
+}
+
+TEST(WeightAverage, IsARunningMeanWhoseDecayRises) {
+  StructureNet net = TinyNet(Normalization::kBatch);
+  FlatModule source(*net);
+  WeightAverage average(TinyNet(Normalization::kBatch), 0.5, source);
+  const auto weight = [&] { return average.net()->parameters()[0].flatten()[0].item<double>(); };
+  const auto statistic = [&] { return average.net()->buffers()[0].flatten()[0].item<double>(); };
+  const auto fill = [&](double value) {
+    source.parameters().fill_(value);
+    source.buffers().fill_(value);
+  };
+  fill(0);
+  average.Reset(source);
+  fill(11);
+  average.Update(source, 1);  // decay (1 + 1) / (10 + 1)
+  EXPECT_NEAR(weight(), 9, 1e-5);
+  EXPECT_NEAR(statistic(), 9, 1e-5);
+  average.Update(source, 1000);  // decay 0.5, the largest
+  EXPECT_NEAR(weight(), 10, 1e-5);
+  average.Refresh(source);  // nothing, with a decay
+  EXPECT_NEAR(weight(), 10, 1e-5);
+}
+
+TEST(WeightAverage, WithoutDecayIsTheWeightsOnceTheyAreAskedFor) {
+  StructureNet net = TinyNet();
+  FlatModule source(*net);
+  WeightAverage average(TinyNet(), 0, source);
+  const auto weight = [&] { return average.net()->parameters()[0].flatten()[0].item<double>(); };
+  const double before = weight();
+  source.parameters().fill_(7);
+  average.Update(source, 1);
+  EXPECT_EQ(weight(), before);
+  average.Refresh(source);
+  EXPECT_EQ(weight(), 7);
+}
+
+TEST(LearningRate, FollowsTheSchedule) {
+  OptimConfig config;
+  config.lr = 1e-3;
+  EXPECT_EQ(LearningRate(config, 0, 1000), 1e-3);
+  EXPECT_EQ(LearningRate(config, 999, 1000), 1e-3);
+  config.schedule = Schedule::kOneCycle;
+  config.warmup_samples = 99;
+  EXPECT_NEAR(LearningRate(config, 0, 1099), 1e-5, 1e-12);
+  EXPECT_NEAR(LearningRate(config, 49, 1099), 5e-4, 1e-12);
+  EXPECT_NEAR(LearningRate(config, 99, 1099), 1e-3, 1e-12);
+  EXPECT_NEAR(LearningRate(config, 599, 1099), 5e-4, 1e-12);
+  EXPECT_NEAR(LearningRate(config, 1099, 1099), 0, 1e-12);
+  EXPECT_NEAR(LearningRate(config, 5000, 1099), 0, 1e-12);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
-#include <set>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
@@ -13,7 +12,9 @@
 #include "core/geometry/visibility.h"
 #include "core/nn/checkpoint.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/train/synthetic_source.h"
 #include "train/checkpoint_validation.h"
 #include "train/training_data.h"
 
@@ -31,6 +32,8 @@ const Structure& Boxes() {
 }
 
 Intrinsics Lens() { return {160, 144, 130, 131, 79.2, 71.8, {-0.08, 0.02, 0.001, -0.001}}; }
+constexpr char kLens[] = R"({"width": 160, "height": 144, "fx": 130, "fy": 131, "cx": 79.2,
+                             "cy": 71.8, "distortion": [-0.08, 0.02, 0.001, -0.001]})";
 
 /// A sensor on its side, as the recipes' are, and one that stands.
 Pose Seen(double roll_deg) { return LookAt({1.6, 0.4, 1.1}, {0, 0.05, 0}, roll_deg * M_PI / 180); }
@@ -82,17 +85,13 @@ TEST(LabelledSample, HasTheLabelsOfTheStructureAtItsSize) {
 TEST(LabelledSample, LeavesOutWhatStandsBeforeTheBoxes) {
   const Pose pose = Seen(90);
   DepthImage depth = Measured(Boxes(), pose);
-  for (int v = 50; v < 90; ++v) {
-    for (int u = 60; u < 90; ++u) depth(u, v) = 1.0F;
-  }
+  for (const auto [u, v] : Pixels({60, 50}, {90, 90})) depth(u, v) = 1.0F;
   const std::unique_ptr<Sample> sample = LabelledSample(Frame(depth, pose), 160, 144, {90});
   const LabelImage expected = CastView(Boxes(), ComputeRays(Lens()), pose).labels;
-  for (int v = 50; v < 90; ++v) {
-    for (int u = 60; u < 90; ++u) {
-      EXPECT_EQ(sample->labels(u, v), 0);
-      if (expected(u, v) > 0) {
-        EXPECT_EQ(sample->depth(u, v), 0);
-      }
+  for (const auto [u, v] : Pixels({60, 50}, {90, 90})) {
+    EXPECT_EQ(sample->labels(u, v), 0);
+    if (expected(u, v) > 0) {
+      EXPECT_EQ(sample->depth(u, v), 0);
     }
   }
   EXPECT_GT(CountLabelled(sample->labels), 500);
@@ -132,6 +131,9 @@ TEST(LabelledSample, TurnsToTheMountingOfTheRecipe) {
   EXPECT_TRUE(LabelledSample(frame, 160, 144, {90, 0}));
 }
 
+constexpr char kRecipe[] =
+    "data: {image_sizes: [80x72], sensors: [azure_kinect_nfov_binned], renderer: cpu}";
+
 class ACalibration : public testing::Test {
  protected:
   ACalibration() {
@@ -145,17 +147,9 @@ class ACalibration : public testing::Test {
     const Pose pose = Seen(90);
     fs::create_directory(folder_ / "capture");
     WritePng(folder_ / "capture" / "a.png", FromMetres(Measured(built_, pose), 0.001));
-    const Intrinsics k = Lens();
     json sensor = {{"status", "ok"},
                    {"structure_from_sensor", ToRows(pose)},
-                   {"intrinsics",
-                    {{"width", k.width},
-                     {"height", k.height},
-                     {"fx", k.fx},
-                     {"fy", k.fy},
-                     {"cx", k.cx},
-                     {"cy", k.cy},
-                     {"distortion", k.distortion}}},
+                   {"intrinsics", json::parse(kLens)},
                    {"depth", "a.png"},
                    {"depth_scale", 0.001},
                    {"depth_gain", 1.0},
@@ -216,10 +210,7 @@ TEST_F(ACalibration, IsRefusedWhereItIsNotAcceptedOrOfAnotherStructure) {
 }
 
 TEST_F(ACalibration, IsMixedIntoTrainingOrHeldOut) {
-  TrainConfig config;
-  config.data.image_sizes = {"80x72"};
-  config.data.sensors = {"azure_kinect_nfov_binned"};
-  config.data.renderer = "cpu";
+  TrainConfig config = ConfigOf(kRecipe);
   config.data.real.calibrations = {Write()};
   config.data.real.share = 0.4;
   config.run.batch_size = 5;
@@ -262,9 +253,7 @@ TEST_F(ACalibration, IsMixedIntoTrainingOrHeldOut) {
 }
 
 TEST_F(ACalibration, HasACheckpointScoredOnItsFrames) {
-  TrainConfig config;
-  config.data.image_sizes = {"80x72"};
-  config.data.sensors = {"azure_kinect_nfov_binned"};
+  TrainConfig config = ConfigOf(kRecipe);
   config.data.real.validation = {Write()};
   LoadedModel model = LoadCheckpoint("models/m05-lite.safetensors");
   const ValidationResult result = ValidateCheckpoint(model, config, 1000);
@@ -275,10 +264,7 @@ TEST_F(ACalibration, HasACheckpointScoredOnItsFrames) {
 
 /// So that --resume refuses them.
 TEST_F(ACalibration, OfOtherDepthIsAnotherSetOfSamples) {
-  TrainConfig config;
-  config.data.image_sizes = {"80x72"};
-  config.data.sensors = {"azure_kinect_nfov_binned"};
-  config.data.renderer = "cpu";
+  TrainConfig config = ConfigOf(kRecipe);
   config.data.real.calibrations = {Write()};
   const std::string identity = OpenTrainingData(config).identity;
   EXPECT_EQ(OpenTrainingData(config).identity, identity);

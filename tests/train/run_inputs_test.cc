@@ -89,7 +89,7 @@ TEST_F(RunInputs, StandInForFilesThatAreGone) {
   WriteFileAtomically(run_ / "config.yaml", "");
   const std::vector<std::string> said = UseKeptInputs(run_, &config_.data);
   ASSERT_EQ(said.size(), 2u);
-  EXPECT_NE(said[0].find("stack.yaml is not there"), std::string::npos) << said[0];
+  EXPECT_TRUE(Has(said[0], "stack.yaml is not there"));
   EXPECT_EQ(config_.data.structure, (run_ / "structure.yaml").string());
   EXPECT_EQ(config_.data.intrinsics, (run_ / "intrinsics.yaml").string());
   Require();
@@ -106,12 +106,8 @@ class Resumed : public RunInputs {
     config_.run.batch_size = 2;
     config_.run.validation_samples = 0;
     config_.run.tensorboard = false;
-    options_.run_dir = run_;
-    options_.quiet = true;
-    options_.stop_at_samples = 2;
     Train();
-    options_.resume = true;
-    options_.stop_at_samples = 0;
+    options_ = QuietRun(run_, 0, true);
   }
 
   TrainResult Train() {
@@ -120,7 +116,7 @@ class Resumed : public RunInputs {
     return TrainOn(data, config_, options_);
   }
 
-  TrainOptions options_;
+  TrainOptions options_ = QuietRun(run_, 2);
 };
 
 TEST_F(Resumed, ARunDoesNotGoOnWithAnotherStack) {

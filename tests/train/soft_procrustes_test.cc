@@ -23,6 +23,7 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/procrustes.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::soft_procrustes_test {
 namespace {
@@ -128,14 +129,11 @@ TEST(Deproject, AgreesWithALoopOverPixels) {
   const at::Tensor points = Deproject(depth, rays);
   ASSERT_EQ(points.sizes(), at::IntArrayRef({2, 3, 5, 7}));
   for (int b = 0; b < 2; ++b) {
-    for (int v = 0; v < 5; ++v) {
-      for (int u = 0; u < 7; ++u) {
-        const float z = depth[b][0][v][u].item<float>();
-        for (int i = 0; i < 2; ++i) {
-          EXPECT_EQ(points[b][i][v][u].item<float>(), z * rays[b][i][v][u].item<float>());
-        }
-        EXPECT_EQ(points[b][2][v][u].item<float>(), z);
-      }
+    for (const auto [u, v] : Pixels(7, 5)) {
+      const float z = depth[b][0][v][u].item<float>();
+      for (int i = 0; i < 2; ++i)
+        EXPECT_EQ(points[b][i][v][u].item<float>(), z * rays[b][i][v][u].item<float>());
+      EXPECT_EQ(points[b][2][v][u].item<float>(), z);
     }
   }
   EXPECT_THROW(Deproject(depth, rays.narrow(0, 0, 1)), Error);
@@ -153,17 +151,13 @@ TEST(SoftKeypoints, AgreesWithALoopOverPixels) {
     for (int k = 1; k < 4; ++k) {
       Eigen::Vector3d sum = Eigen::Vector3d::Zero();
       double total = 0;
-      for (int v = 0; v < 5; ++v) {
-        for (int u = 0; u < 6; ++u) {
-          if (points[b][2][v][u].item<double>() == 0) continue;
-          const double p = std::exp(log_probs[b][k][v][u].item<double>());
-          for (int i = 0; i < 3; ++i) sum[i] += p * points[b][i][v][u].item<double>();
-          total += p;
-        }
+      for (const auto [u, v] : Pixels(6, 5)) {
+        if (points[b][2][v][u].item<double>() == 0) continue;
+        const double p = std::exp(log_probs[b][k][v][u].item<double>());
+        for (int i = 0; i < 3; ++i) sum[i] += p * points[b][i][v][u].item<double>();
+        total += p;
       }
-      for (int i = 0; i < 3; ++i) {
-        EXPECT_NEAR(c[b][k - 1][i].item<double>(), sum[i] / total, 1e-12);
-      }
+      for (int i = 0; i < 3; ++i) EXPECT_NEAR(c[b][k - 1][i].item<double>(), sum[i] / total, 1e-12);
     }
   }
   const at::Tensor g = at::randn({2, 3, 3}, kF64);

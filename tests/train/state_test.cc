@@ -4,12 +4,17 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "core/base/error.h"
+#include "core/config/config.h"
 #include "tests/core/base/expect_error.h"
+#include "train/same_run.h"
 
 namespace volalign::state_test {
 namespace {
+
+using Changes = std::vector<std::string>;
 
 /// As states of format 2 have it, written by hand.
 constexpr char kProgress[] = R"({
@@ -66,6 +71,72 @@ TEST(RunProgress, SaysWhatIsWrong) {
   expect("/means/times", {1, 2, 3, 4}, {"means: times", "4 numbers, not 5"});
   expect("/best/values", 1, {"best", "\"values\" is unknown"});
   ExpectError<DataError>([] { ReadProgress("{\"samples\": 1"); }, {"not valid JSON"});
+}
+
+TrainConfig With(const Changes& changes) {
+  ConfigSource source;
+  for (const std::string& change : changes) source.Set(change);
+  return ReadConfig<TrainConfig>(source);
+}
+
+std::string Saved(const Changes& changes = {}) { return WriteConfig(With(changes)); }
+
+/// The error that a resumed run gives; empty where there is none.
+std::string Refusal(const std::string& saved, const TrainConfig& config) {
+  try {
+    RequireSameRun(saved, config, "old.state");
+  } catch (const ConfigError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(RequireSameRun, LetsThroughWhatChangesNoSampleAndNoStep) {
+  EXPECT_EQ(Refusal(Saved(), With({})), "");
+  const Changes free({"data.renderer=cpu", "run.samples=77", "run.validation_samples=7",
+                      "run.validate_every=7", "run.checkpoint_every=7", "run.tensorboard=false",
+                      "run.log_every=7", "run.threads=7", "run.loader_threads=7",
+                      "run.device=cuda:1", "run.lost_after_s=7", "run.dataset=elsewhere",
+                      "run.validation_dataset=elsewhere"});
+  for (const std::string& change : free) EXPECT_EQ(Refusal(Saved(), With({change})), "") << change;
+  EXPECT_EQ(Refusal(Saved(), With(free)), "") << "all together";
+}
+
+TEST(RequireSameRun, NamesWhatWouldMakeItAnotherRun) {
+  for (const std::string change :
+       {"run.seed=7", "run.batch_size=7", "run.micro_batch=2", "run.init=weights.pt",
+        "run.validation_seed=7", "run.precision=bf16", "run.channels_last=true", "optim.lr=0.007",
+        "optim.optimizer=adamw", "optim.ema_decay=0.7", "loss.lambda=7", "model.base_channels=7",
+        "model.normalization=batch", "data.noise.models=none"}) {
+    const std::string refusal = Refusal(Saved(), With({change}));
+    EXPECT_TRUE(Has(refusal, change.substr(0, change.find('=')) + " = ", "old.state")) << change;
+    EXPECT_EQ(Refusal(Saved({change}), With({change})), "") << change;
+  }
+  // Both values, the new one first.
+  EXPECT_TRUE(Has(Refusal(Saved({"run.seed=5"}), With({"run.seed=7"})), "7 differs from 5"));
+}
+
+TEST(RequireSameRun, TheLengthIsBoundWhereTheLearningRateFollowsIt) {
+  for (const bool bound : {false, true}) {
+    const std::string schedule = bound ? "optim.schedule=one_cycle" : "optim.schedule=constant";
+    const std::string refusal = Refusal(Saved({schedule}), With({schedule, "run.samples=123456"}));
+    EXPECT_EQ(refusal.find("learning rate") != std::string::npos, bound) << refusal;
+    EXPECT_EQ(refusal.empty(), !bound) << refusal;
+  }
+}
+
+// A state of before a key existed: it ran as the default does.
+TEST(RequireSameRun, AKeyThatIsNotThereHadItsDefault) {
+  EXPECT_EQ(Refusal("run: {seed: 1}\n", With({"run.seed=1"})), "");
+  EXPECT_NE(Refusal("run: {seed: 1}\n", With({"optim.clip_norm=5"})), "");
+}
+
+TEST(SameValidation, IsThatOfTheSameSamples) {
+  EXPECT_TRUE(SameValidation(Saved(), With({})));
+  EXPECT_TRUE(SameValidation(Saved(), With({"run.validate_every=7"})));
+  EXPECT_TRUE(SameValidation(Saved(), With({"run.samples=77"})));
+  for (const char* change : {"run.validation_samples=7", "run.validation_dataset=elsewhere"})
+    EXPECT_FALSE(SameValidation(Saved(), With({change}))) << change;
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -18,6 +19,7 @@
 #include "core/geometry/visibility.h"
 #include "tests/core/base/read_file.h"
 #include "train/batch.h"
+#include "train/trainer.h"
 #include "train/training_data.h"
 
 namespace volalign {
@@ -40,9 +42,8 @@ class SyntheticSource : public SampleSource {
   std::vector<Sample> Next() override {
     std::vector<Sample> batch;
     batch.reserve(static_cast<std::size_t>(slice_.count));
-    for (int i = 0; i < slice_.count; ++i) {
+    for (int i = 0; i < slice_.count; ++i)
       batch.push_back(Draw(next_ + static_cast<std::uint64_t>(slice_.first + i)));
-    }
     next_ += static_cast<std::uint64_t>(batch_size_);
     return batch;
   }
@@ -86,6 +87,28 @@ inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period
   data.open_training = [=](std::int64_t first_sample) { return open(1, first_sample); };
   data.open_validation = [=] { return open(1000001, 0); };
   return data;
+}
+
+/// Of keys in YAML.
+inline TrainConfig ConfigOf(const std::string& yaml) {
+  return ReadConfig<TrainConfig>(ConfigSource::FromString(yaml, "test"));
+}
+
+/// configs/m05-lite.yaml with these changes.
+inline TrainConfig RecipeWith(std::initializer_list<const char*> assignments) {
+  ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
+  for (const char* assignment : assignments) source.Set(assignment);
+  return ReadTrainConfig(source);
+}
+
+inline TrainOptions QuietRun(const std::filesystem::path& run_dir, std::int64_t stop_at_samples = 0,
+                             bool resume = false) {
+  TrainOptions options;
+  options.run_dir = run_dir;
+  options.quiet = true;
+  options.stop_at_samples = stop_at_samples;
+  options.resume = resume;
+  return options;
 }
 
 /// The source that `open` makes, of which `change` gets each batch and its number, from 1.

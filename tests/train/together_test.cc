@@ -33,36 +33,23 @@ namespace fs = std::filesystem;
 
 /// Rows, states and the image size's changes come at different numbers of samples.
 TrainConfig TogetherConfig(Normalization normalization) {
-  TrainConfig config;
-  config.model.base_channels = 2;
-  config.model.residual_blocks = 1;
+  // Uncentred depth makes group normalisation ill-conditioned; Adam makes whole steps of rounding
+  // errors.
+  TrainConfig config = ConfigOf(R"(
+model: {base_channels: 2, residual_blocks: 1, input: depth_mask}
+loss: {min_side_pixels: 3}
+optim: {lr: 1e-6, clip_norm: 5, ema_decay: 0.9}
+run: {samples: 35, batch_size: 5, log_every: 10, checkpoint_every: 15, validate_every: 20,
+      validation_samples: 10, tensorboard: false, lost_after_s: 60})");
   config.model.normalization = normalization;
-  config.model.input =
-      InputEncoding::kDepthMask;  // uncentred depth makes group normalisation ill-conditioned
-  config.loss.min_side_pixels = 3;
-  config.optim.lr = 1e-6;  // Adam makes whole steps of rounding errors
-  config.optim.clip_norm = 5;
-  config.optim.ema_decay = 0.9;
-  config.run.samples = 35;
-  config.run.batch_size = 5;
-  config.run.log_every = 10;
-  config.run.checkpoint_every = 15;
-  config.run.validate_every = 20;
-  config.run.validation_samples = 10;
-  config.run.tensorboard = false;
-  config.run.lost_after_s = 60;
   return config;
 }
 
 void TrainHere(const World& world, const TrainConfig& config, const fs::path& run_dir,
                std::int64_t stop = 0, bool resume = false,
                const std::function<void(std::int64_t)>& at_sample = {}) {
-  TrainOptions options;
-  options.run_dir = run_dir;
-  options.quiet = true;
+  TrainOptions options = QuietRun(run_dir, stop, resume);
   options.world = world;
-  options.stop_at_samples = stop;
-  options.resume = resume;
   const BatchSlice slice = world.size > 1 ? SliceOf(5, world) : BatchSlice();
   TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
   if (at_sample) {
@@ -153,8 +140,7 @@ TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
   EXPECT_EQ(statuses, (std::vector<int>{1, 128 + SIGKILL, 1}));
   for (const int rank : {0, 2}) {
     const std::string message = ReadFile(folder / fmt::format("message{}", rank));
-    EXPECT_NE(message.find("after 25 samples: lost rank 1 ("), std::string::npos) << message;
-    EXPECT_NE(message.find("--resume"), std::string::npos) << message;
+    EXPECT_TRUE(Has(message, "after 25 samples: lost rank 1 (", "--resume"));
   }
   EXPECT_TRUE(fs::exists(folder / "run" / "states" / "000000000025.state"));
   ASSERT_EQ(
@@ -180,7 +166,7 @@ TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
   });
   EXPECT_EQ(statuses, (std::vector<int>{1, 7}));
   const std::string message = ReadFile(folder / "message0");
-  EXPECT_NE(message.find("after 10 samples: lost rank 1 ("), std::string::npos) << message;
+  EXPECT_TRUE(Has(message, "after 10 samples: lost rank 1 ("));
 }
 
 // Adam, the default, keeps more between steps than what rounding makes of a sum.
@@ -211,8 +197,7 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
                         }),
             (std::vector<int>{1, 1}));
   const std::string message = ReadFile(folder / "message1");
-  EXPECT_NE(message.find("rank 1 has loss.lambda = 0.3, and rank 0 0.1"), std::string::npos)
-      << message;
+  EXPECT_TRUE(Has(message, "rank 1 has loss.lambda = 0.3, and rank 0 0.1"));
   // What is wrong with rank 0's folder, every process says.
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
@@ -220,8 +205,8 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
                                     true);
                         }),
             (std::vector<int>{1, 1}));
-  EXPECT_NE(ReadFile(folder / "message0").find("there is no run to resume"), std::string::npos);
-  EXPECT_NE(ReadFile(folder / "message1").find("rank 0: "), std::string::npos);
+  EXPECT_TRUE(Has(ReadFile(folder / "message0"), "there is no run to resume"));
+  EXPECT_TRUE(Has(ReadFile(folder / "message1"), "rank 0: "));
 }
 
 // The gradient of one step.

@@ -19,7 +19,6 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -41,39 +40,15 @@ using nlohmann::json;
 
 /// Every switch of m05-lite on a tiny network.
 TrainConfig TinyConfig() {
-  TrainConfig config;
-  config.model.base_channels = 2;
-  config.model.residual_blocks = 1;
-  config.model.normalization = Normalization::kBatch;
-  config.model.input = InputEncoding::kDepthMask;
-  config.model.background_bias = 2;
-  config.loss.keypoints = KeypointKind::kExposed;
-  config.loss.min_side_pixels = 5;
-  config.loss.lambda_warmup_samples = 40;
-  config.optim.optimizer = OptimizerKind::kAdamW;
-  config.optim.weight_decay = 0.01;
-  config.optim.lr = 3e-3;
-  config.optim.schedule = Schedule::kOneCycle;
-  config.optim.warmup_samples = 8;
-  config.optim.clip_norm = 1;
-  config.optim.ema_decay = 0.9;
-  config.run.samples = 80;
-  config.run.batch_size = 2;
-  config.run.log_every = 2;
-  config.run.checkpoint_every = 26;
-  config.run.validate_every = 60;
-  config.run.validation_samples = 2;
-  config.run.precision = Precision::kBf16;
-  config.run.channels_last = Layout::kChannelsLast;
   SetTorchThreads(1);
-  return config;
-}
-
-TrainOptions Options(const std::filesystem::path& folder) {
-  TrainOptions options;
-  options.run_dir = folder;
-  options.quiet = true;
-  return options;
+  return ConfigOf(R"(
+model: {base_channels: 2, residual_blocks: 1, normalization: batch, input: depth_mask,
+        background_bias: 2}
+loss: {keypoints: exposed, min_side_pixels: 5, lambda_warmup_samples: 40}
+optim: {optimizer: adamw, weight_decay: 0.01, lr: 3e-3, schedule: one_cycle, warmup_samples: 8,
+        clip_norm: 1, ema_decay: 0.9}
+run: {samples: 80, batch_size: 2, log_every: 2, checkpoint_every: 26, validate_every: 60,
+      validation_samples: 2, precision: bf16, channels_last: true})");
 }
 
 std::filesystem::path State(const std::filesystem::path& folder, int samples) {
@@ -84,8 +59,22 @@ void Truncate(const std::filesystem::path& file) {
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
 }
 
+void ExpectSameTensors(const std::filesystem::path& a, const std::filesystem::path& b) {
+  const TensorFile found = ReadTensorFile(b, kCheckpointFormat);
+  for (const auto& [name, tensor] : ReadTensorFile(a, kCheckpointFormat).tensors)
+    EXPECT_TRUE(tensor.equal(found.tensors.at(name))) << name;
+}
+
 class Trainer : public testing::Test {
  protected:
+  /// Of the folder `run`, in which it may go on.
+  TrainResult Run(const std::string& run, std::int64_t stop_at_samples = 0, bool resume = false) {
+    return TrainOn(data_, config_, QuietRun(folder_ / run, stop_at_samples, resume));
+  }
+  TrainResult Resume(const std::string& run = "run", std::int64_t stop_at_samples = 0) {
+    return Run(run, stop_at_samples, true);
+  }
+
   const TempFolder folder_;
   TrainConfig config_ = TinyConfig();
   TrainingData data_ = SyntheticData(2, 32, 1u << 20);
@@ -95,9 +84,8 @@ TEST_F(Trainer, SaysHowLongTheRunWillTake) {
   const auto said = [&](std::int64_t samples) {
     config_.run.samples = samples;
     config_.run.log_every = 100;
-    TrainOptions options = Options(folder_ / std::to_string(samples));
+    TrainOptions options = QuietRun(folder_ / std::to_string(samples), 120);
     options.quiet = false;
-    options.stop_at_samples = 120;
     testing::internal::CaptureStderr();
     TrainOn(data_, config_, options);
     return testing::internal::GetCapturedStderr();
@@ -114,21 +102,16 @@ TEST_F(Trainer, SaysHowLongTheRunWillTake) {
   EXPECT_EQ(far.find("at this speed", at + 10), std::string::npos) << "said twice";
 
   const std::string soon = said(1000);
-  EXPECT_NE(soon.find(" at this speed\n"), std::string::npos) << soon;
-  EXPECT_EQ(soon.find("lite.yaml"), std::string::npos) << soon;
+  EXPECT_TRUE(Has(soon, " at this speed\n"));
+  EXPECT_FALSE(Has(soon, "lite.yaml"));
 }
 
 TEST_F(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
-  const TrainResult whole = TrainOn(data_, config_, Options(folder_ / "whole"));
-  EXPECT_TRUE(whole.finished);
-  TrainOptions options = Options(folder_ / "parts");
-  options.stop_at_samples = 40;
-  const TrainResult first = TrainOn(data_, config_, options);
+  EXPECT_TRUE(Run("whole").finished);
+  const TrainResult first = Run("parts", 40);
   EXPECT_FALSE(first.finished);
   EXPECT_EQ(first.samples, 40);
-  options.stop_at_samples = 0;
-  options.resume = true;
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Resume("parts").finished);
 
   const std::vector<json> a = MetricsRows(folder_ / "whole", "train"),
                           b = MetricsRows(folder_ / "parts", "train");
@@ -143,54 +126,35 @@ TEST_F(Trainer, ResumedRunRepeatsTheNextTwentyLosses) {
   // The shipped weights are the same, too, and so is their validation.
   EXPECT_EQ(MetricsRows(folder_ / "whole", "validation").back().at("loss_seg"),
             MetricsRows(folder_ / "parts", "validation").back().at("loss_seg"));
-  const TensorFile x = ReadTensorFile(folder_ / "whole" / "model.safetensors", kCheckpointFormat);
-  const TensorFile y = ReadTensorFile(folder_ / "parts" / "model.safetensors", kCheckpointFormat);
-  for (const auto& [name, tensor] : x.tensors)
-    EXPECT_TRUE(tensor.equal(y.tensors.at(name))) << name;
+  ExpectSameTensors(folder_ / "whole" / "model.safetensors",
+                    folder_ / "parts" / "model.safetensors");
 }
 
-class Resume : public testing::TestWithParam<std::tuple<OptimizerKind, Schedule>> {};
-
-TEST_P(Resume, EndsAsARunThatWasNotStopped) {
-  const TempFolder folder;
-  const TrainingData data = SyntheticData(2, 32, 1u << 20);
-  TrainConfig config = TinyConfig();
-  const auto [optimizer, schedule] = GetParam();
-  config.optim.optimizer = optimizer;
-  config.optim.schedule = schedule;
-  config.run.samples = 24;
-  config.optim.warmup_samples = 4;
-  config.run.micro_batch = 1;
-  TrainOn(data, config, Options(folder / "whole"));
-  TrainOptions options = Options(folder / "parts");
-  options.stop_at_samples = 10;
-  TrainOn(data, config, options);
-  options.stop_at_samples = 0;
-  options.resume = true;
-  TrainOn(data, config, options);
-  EXPECT_TRUE(ReadFile(State(folder / "whole", 24)) == ReadFile(State(folder / "parts", 24)));
+TEST_F(Trainer, AResumedRunEndsAsOneThatWasNotStopped) {
+  config_.run.samples = 24;
+  config_.optim.warmup_samples = 4;
+  config_.run.micro_batch = 1;
+  for (const auto& [optimizer, kind] : WordsOf(OptimizerKind())) {
+    for (const auto& [schedule, of] : WordsOf(Schedule())) {
+      SCOPED_TRACE(std::string(optimizer) + " " + schedule);
+      config_.optim.optimizer = kind;
+      config_.optim.schedule = of;
+      const std::string whole = fmt::format("{}_{}", optimizer, schedule), parts = whole + "_parts";
+      Run(whole);
+      Run(parts, 10);
+      Resume(parts);
+      EXPECT_TRUE(ReadFile(State(folder_ / whole, 24)) == ReadFile(State(folder_ / parts, 24)));
+    }
+  }
 }
-
-INSTANTIATE_TEST_SUITE_P(
-    Trainer, Resume,
-    testing::Combine(testing::Values(OptimizerKind::kAdam, OptimizerKind::kAdamW),
-                     testing::Values(Schedule::kConstant, Schedule::kOneCycle)),
-    [](const auto& test) {
-      return fmt::format("{}_{}", ToString(std::get<0>(test.param)),
-                         ToString(std::get<1>(test.param)));
-    });
 
 TEST_F(Trainer, ResumeDropsRowsAfterTheSavedState) {
-  TrainOptions options = Options(folder_ / "run");
-  options.stop_at_samples = 10;
-  TrainOn(data_, config_, options);
+  Run("run", 10);
   // What a run that was killed after its last checkpoint leaves behind.
   const std::filesystem::path metrics = folder_ / "run" / "metrics.jsonl";
   WriteFileAtomically(metrics,
                       ReadFile(metrics) + "{\"type\":\"train\",\"samples\":12}\n{\"type\":\"tr");
-  options.resume = true;
-  options.stop_at_samples = 14;
-  TrainOn(data_, config_, options);
+  Resume("run", 14);
   const std::vector<json> rows = MetricsRows(folder_ / "run", "train");
   ASSERT_EQ(rows.size(), 7u);
   for (std::size_t i = 0; i < rows.size(); ++i) EXPECT_EQ(rows[i].at("samples"), 2 * (i + 1));
@@ -199,9 +163,8 @@ TEST_F(Trainer, ResumeDropsRowsAfterTheSavedState) {
 /// Names of the files in a folder, in order.
 std::vector<std::string> Names(const std::filesystem::path& folder) {
   std::vector<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
     names.push_back(entry.path().filename().string());
-  }
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -209,47 +172,38 @@ std::vector<std::string> Names(const std::filesystem::path& folder) {
 TEST_F(Trainer, KeepsTheNewestStatesAndPassesOverADamagedOne) {
   config_.run.checkpoint_every = 10;
   config_.run.validate_every = 20;
-  TrainOn(data_, config_, Options(folder_ / "whole"));
-  TrainOptions options = Options(folder_ / "run");
-  options.stop_at_samples = 46;
-  TrainOn(data_, config_, options);
+  Run("whole");
+  Run("run", 46);
   EXPECT_EQ(Names(folder_ / "run" / "states"),
             (std::vector<std::string>{"000000000040.state", "000000000046.state"}));
   Truncate(State(folder_ / "run", 46));
-  options.stop_at_samples = 44;
-  options.resume = true;
-  EXPECT_EQ(TrainOn(data_, config_, options).samples, 44);  // from 40, not from 46
+  EXPECT_EQ(Resume("run", 44).samples, 44);  // from 40, not from 46
   EXPECT_EQ(Names(folder_ / "run" / "states"),
             (std::vector<std::string>{"000000000040.state", "000000000044.state"}));
-  options.stop_at_samples = 0;
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Resume().finished);
   EXPECT_EQ(Names(folder_ / "run" / "states"),
             (std::vector<std::string>{"000000000070.state", "000000000080.state"}));
   EXPECT_EQ(Names(folder_ / "run"),
             (std::vector<std::string>{"best.safetensors", "config.yaml", "intrinsics.yaml",
                                       "metrics.jsonl", "model.safetensors", "states",
                                       "structure.yaml", "tensorboard"}));
-  for (const char* name : {"best.safetensors", "model.safetensors"}) {
-    const auto a = ReadTensorFile(folder_ / "whole" / name, kCheckpointFormat).tensors;
-    const auto b = ReadTensorFile(folder_ / "run" / name, kCheckpointFormat).tensors;
-    for (const auto& [tensor, value] : a) EXPECT_TRUE(value.equal(b.at(tensor))) << tensor;
-  }
+  for (const char* name : {"best.safetensors", "model.safetensors"})
+    ExpectSameTensors(folder_ / "whole" / name, folder_ / "run" / name);
 }
 
 TEST_F(Trainer, BestCheckpointIsThatOfTheBestValidation) {
   // At no speed all validations are alike, and the first of them stays the best.
+  config_.run.validate_every = 10;
+  config_.model.normalization = Normalization::kNone;
+  config_.optim.schedule = Schedule::kConstant;
+  config_.optim.weight_decay = 0;
   for (const double lr : {0.05, 1e-30}) {
-    const TempFolder folder;
-    TrainConfig config = TinyConfig();
-    config.run.validate_every = 10;
-    config.model.normalization = Normalization::kNone;
-    config.optim.schedule = Schedule::kConstant;
-    config.optim.lr = lr;
-    config.optim.weight_decay = 0;
-    TrainOn(SyntheticData(2, 32, 1u << 20), config, Options(folder / "run"));
+    config_.optim.lr = lr;
+    const std::string run = fmt::to_string(lr);
+    Run(run);
     double best = -1;
     std::int64_t at = 0;
-    const std::vector<json> rows = MetricsRows(folder / "run", "validation");
+    const std::vector<json> rows = MetricsRows(folder_ / run, "validation");
     for (const json& row : rows)
       EXPECT_EQ(row.contains("median_translation_error_m"), row.at("posed") > 0);
     ASSERT_EQ(rows.size(), 8u);
@@ -261,8 +215,8 @@ TEST_F(Trainer, BestCheckpointIsThatOfTheBestValidation) {
     if (lr < 0.01) {
       EXPECT_EQ(at, 10);
     }
-    EXPECT_EQ(LoadCheckpoint(folder / "run" / "best.safetensors").meta.samples, at);
-    EXPECT_EQ(LoadCheckpoint(folder / "run" / "model.safetensors").meta.samples, 80);
+    EXPECT_EQ(LoadCheckpoint(folder_ / run / "best.safetensors").meta.samples, at);
+    EXPECT_EQ(LoadCheckpoint(folder_ / run / "model.safetensors").meta.samples, 80);
   }
 }
 
@@ -271,7 +225,7 @@ TEST_F(Trainer, ValidatesOnHeldOutFramesWhereNoSampleIsRenderedForIt) {
   config_.run.samples = 4;
   config_.run.validation_samples = 0;
   data_.validation_frames = 2;
-  const TrainResult result = TrainOn(data_, config_, Options(folder_ / "run"));
+  const TrainResult result = Run("run");
   EXPECT_EQ(result.validation.samples, 2);
   EXPECT_EQ(MetricsRows(folder_ / "run", "validation").size(), 1u);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "run" / "best.safetensors"));
@@ -280,14 +234,12 @@ TEST_F(Trainer, ValidatesOnHeldOutFramesWhereNoSampleIsRenderedForIt) {
 // So is a short trial of a recipe: its beginning.
 TEST_F(Trainer, SaysThatAWarmUpIsLongerThanTheRun) {
   config_.run.samples = config_.optim.warmup_samples = 4;
-  TrainOptions options = Options(folder_ / "run");
+  TrainOptions options = QuietRun(folder_ / "run");
   options.quiet = false;
   testing::internal::CaptureStderr();
-  EXPECT_TRUE(TrainOn(SyntheticData(2, 32, 1u << 20), config_, options).finished);
+  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
   const std::string said = testing::internal::GetCapturedStderr();
-  EXPECT_NE(said.find("optim.warmup_samples = 4 is not shorter than run.samples = 4"),
-            std::string::npos)
-      << said;
+  EXPECT_TRUE(Has(said, "optim.warmup_samples = 4 is not shorter than run.samples = 4"));
   const double lr = MetricsRows(folder_ / "run", "train").back().at("lr");
   EXPECT_LT(lr, config_.optim.lr);
 }
@@ -297,9 +249,7 @@ TEST_F(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
   config_.run.channels_last = Layout::kAuto;
   config_.run.samples = 8;
   config_.optim.warmup_samples = 2;
-  TrainOptions options = Options(folder_ / "run");
-  options.stop_at_samples = 4;
-  TrainOn(data_, config_, options);
+  Run("run", 4);
   // As if it had begun on a machine where auto chooses otherwise.
   const std::filesystem::path path = State(folder_ / "run", 4);
   TensorFile state = ReadTensorFile(path, kStateFormat);
@@ -309,9 +259,7 @@ TEST_F(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
   meta["channels_last"] = !meta.at("channels_last").get<bool>();
   state.meta = meta.dump();
   WriteTensorFile(path, state);
-  options.resume = true;
-  options.stop_at_samples = 0;
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Resume().finished);
   const json after = json::parse(ReadTensorFile(State(folder_ / "run", 8), kStateFormat).meta);
   EXPECT_EQ(after.at("bf16"), meta.at("bf16"));
   EXPECT_EQ(after.at("channels_last"), meta.at("channels_last"));
@@ -319,9 +267,7 @@ TEST_F(Trainer, AResumedRunKeepsThePrecisionThatAutoChose) {
 
 TEST_F(Trainer, TwoProcessesDoNotTrainInOneFolder) {
   const RunFolder held(folder_ / "run");
-  ExpectError<IoError>(
-      [&] { TrainOn(SyntheticData(2, 32, 8), TinyConfig(), Options(folder_ / "run")); },
-      {"another volalign", "run"});
+  ExpectError<IoError>([&] { Run("run"); }, {"another volalign", "run"});
 }
 
 /// As that of a process that was killed and still gives its memory back.
@@ -348,7 +294,8 @@ TEST_F(Trainer, TinyNetworkOverfitsAFixedBatch) {
   config_.optim.lr = 1e-2;
   config_.optim.schedule = Schedule::kConstant;
   config_.optim.warmup_samples = 40;
-  TrainOn(SyntheticData(4, 32, 4), config_, Options(folder_ / "run"));
+  data_ = SyntheticData(4, 32, 4);
+  Run("run");
   const std::vector<json> rows = MetricsRows(folder_ / "run", "train");
   const double first = rows.front().at("loss_seg").get<double>();
   const double last = rows.back().at("loss_seg").get<double>();
@@ -361,7 +308,7 @@ TEST_F(Trainer, TinyNetworkOverfitsAFixedBatch) {
 
 TEST_F(Trainer, WritesADeployableCheckpointAndTheResolvedConfig) {
   config_.run.samples = 12;
-  const TrainResult result = TrainOn(data_, config_, Options(folder_ / "run"));
+  const TrainResult result = Run("run");
   const LoadedModel model = LoadCheckpoint(result.checkpoint);
   EXPECT_EQ(model.meta.samples, 12);
   EXPECT_EQ(model.meta.structure.Hash(), data_.structure.Hash());
@@ -373,55 +320,43 @@ TEST_F(Trainer, WritesADeployableCheckpointAndTheResolvedConfig) {
   EXPECT_EQ(ReadFile(folder_ / "run" / "config.yaml"), WriteConfig(config_));
   const std::vector<json> validation = MetricsRows(folder_ / "run", "validation");
   ASSERT_EQ(validation.size(), 1u);
-  for (const char* key : {"loss_seg", "miou", "miou_authors"}) {
+  for (const char* key : {"loss_seg", "miou", "miou_authors"})
     EXPECT_TRUE(std::isfinite(validation[0].at(key).get<double>())) << key;
-  }
   const json row = MetricsRows(folder_ / "run", "train").back();
-  for (const char* stage : {"data", "forward", "loss", "backward", "optim"}) {
+  for (const char* stage : {"data", "forward", "loss", "backward", "optim"})
     EXPECT_GT(row.at("step_s").at(stage).get<double>(), 0) << stage;
-  }
 }
 
 TEST_F(Trainer, ExplainsWhatCannotBeResumed) {
-  TrainOptions options = Options(folder_ / "run");
-  options.stop_at_samples = 4;
-  options.resume = true;
-  ExpectError<IoError>([&] { TrainOn(data_, config_, options); },
-                       {"run", "no run to resume", "--resume"});
+  ExpectError<IoError>([&] { Resume("run", 4); }, {"run", "no run to resume", "--resume"});
   EXPECT_FALSE(std::filesystem::exists(folder_ / "run"));
-  options.resume = false;
-  TrainOn(data_, config_, options);
-  ExpectError<Error>([&] { TrainOn(data_, config_, options); }, {"run", "--resume"});
+  Run("run", 4);
+  ExpectError<Error>([&] { Run("run", 4); }, {"run", "--resume"});
 
-  options.resume = true;
-  TrainConfig other = config_;
-  other.data.pose.rho_cm = {150, 350};
-  ExpectError<ConfigError>([&] { TrainOn(data_, other, options); },
-                           {"data.pose.rho_cm", "350", "275"});
-  other = config_;
-  other.run.seed = 7;
-  ExpectError<ConfigError>([&] { TrainOn(data_, other, options); }, {"run.seed", "7"});
-  other = config_;
-  other.run.samples = 120;  // one_cycle: another learning rate
-  ExpectError<ConfigError>([&] { TrainOn(data_, other, options); },
+  const TrainConfig config = config_;
+  config_.data.pose.rho_cm = {150, 350};
+  ExpectError<ConfigError>([&] { Resume("run", 4); }, {"data.pose.rho_cm", "350", "275"});
+  config_ = config;
+  config_.run.seed = 7;
+  ExpectError<ConfigError>([&] { Resume("run", 4); }, {"run.seed", "7"});
+  config_ = config;
+  config_.run.samples = 120;  // one_cycle: another learning rate
+  ExpectError<ConfigError>([&] { Resume("run", 4); },
                            {"run.samples = 120", "80", "optim.schedule", "run.init"});
-  other = config_;
-  other.run.log_every = 4;  // changes no step
-  options.stop_at_samples = 8;
-  EXPECT_EQ(TrainOn(data_, other, options).samples, 8);
+  config_ = config;
+  config_.run.log_every = 4;  // changes no step
+  EXPECT_EQ(Resume("run", 8).samples, 8);
 
   for (const int samples : {4, 8}) Truncate(State(folder_ / "run", samples));
-  ExpectError<DataError>([&] { TrainOn(data_, config_, options); }, {"000000000004.state"});
+  ExpectError<DataError>([&] { Resume("run", 8); }, {"000000000004.state"});
 }
 
 TEST_F(Trainer, AConstantScheduleMayBeContinuedForLonger) {
   config_.optim.schedule = Schedule::kConstant;
   config_.run.samples = 4;
-  TrainOptions options = Options(folder_ / "run");
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Run("run").finished);
   config_.run.samples = 8;
-  options.resume = true;
-  EXPECT_EQ(TrainOn(data_, config_, options).samples, 8);
+  EXPECT_EQ(Resume().samples, 8);
 }
 
 /// Raises a signal while a batch of the number `at`, from 1, is drawn.
@@ -433,7 +368,7 @@ auto RaisesAt(int at, int signal) {
 
 TEST_F(Trainer, StopsCleanlyOnASignal) {
   data_.open_training = WatchedSource(data_.open_training, RaisesAt(3, SIGTERM));
-  const TrainResult result = TrainOn(data_, TinyConfig(), Options(folder_ / "run"));
+  const TrainResult result = Run("run");
   EXPECT_FALSE(result.finished);
   EXPECT_EQ(result.samples, 6);
   EXPECT_EQ(LoadCheckpoint(folder_ / "run" / "model.safetensors").meta.samples, 6);
@@ -445,7 +380,7 @@ TEST_F(Trainer, StopsWithinAValidation) {
   config_.run.validate_every = 4;
   config_.run.validation_samples = 6;
   config_.run.samples = 8;
-  EXPECT_EQ(TrainOn(data_, config_, Options(folder_ / "whole")).signal, 0);
+  EXPECT_EQ(Run("whole").signal, 0);
 
   TrainingData stopping = data_;
   int drawn = 0, opened = 0;
@@ -456,28 +391,22 @@ TEST_F(Trainer, StopsWithinAValidation) {
     std::raise(SIGINT);
   };
   stopping.open_validation = WatchedSource(data_.open_validation, interrupt);
-  TrainOptions options = Options(folder_ / "run");
-  TrainResult result = TrainOn(stopping, config_, options);
+  TrainResult result = TrainOn(stopping, config_, QuietRun(folder_ / "run"));
   EXPECT_EQ(result.signal, SIGINT);
   EXPECT_FALSE(result.finished);
   EXPECT_EQ(result.samples, 4);
   EXPECT_EQ(drawn, 1);  // of three batches
-  options.resume = true;
-  result = TrainOn(data_, config_, options);
-  EXPECT_TRUE(result.finished);
+  EXPECT_TRUE(Resume().finished);
   for (const char* file : {"states/000000000008.state", "best.safetensors"})
     EXPECT_TRUE(ReadFile(folder_ / "run" / file) == ReadFile(folder_ / "whole" / file)) << file;
   EXPECT_EQ(MetricsRows(folder_ / "run", "validation"),
             MetricsRows(folder_ / "whole", "validation"));
   // In the last validation, too: the run is not finished then.
-  stopping.open_training = data_.open_training;
-  options = Options(folder_ / "last");
   config_.run.validate_every = 8;
-  result = TrainOn(stopping, config_, options);
+  result = TrainOn(stopping, config_, QuietRun(folder_ / "last"));
   EXPECT_EQ(result.samples, 8);
   EXPECT_FALSE(result.finished);
-  options.resume = true;
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Resume("last").finished);
   EXPECT_EQ(opened, 2);
 }
 
@@ -487,15 +416,13 @@ TEST_F(Trainer, StopsBetweenMicroBatches) {
   config_.optim.warmup_samples = 4;
   config_.run.micro_batch = 1;
   config_.run.samples = 8;
-  TrainOn(data_, config_, Options(folder_ / "whole"));
+  Run("whole");
   TrainingData stopping = data_;
   stopping.open_training = WatchedSource(data_.open_training, RaisesAt(3, SIGINT));
-  TrainOptions options = Options(folder_ / "run");
-  const TrainResult result = TrainOn(stopping, config_, options);
+  const TrainResult result = TrainOn(stopping, config_, QuietRun(folder_ / "run"));
   EXPECT_EQ(result.signal, SIGINT);
   EXPECT_EQ(result.samples, 4);  // of the two steps before
-  options.resume = true;
-  EXPECT_TRUE(TrainOn(data_, config_, options).finished);
+  EXPECT_TRUE(Resume().finished);
   const char* state = "states/000000000008.state";
   EXPECT_TRUE(ReadFile(folder_ / "run" / state) == ReadFile(folder_ / "whole" / state));
 }
@@ -518,7 +445,7 @@ TrainingData Poisoned(int first, int last) {
 TEST_F(Trainer, SkipsAStepThatIsNotFinite) {
   config_.model.input = InputEncoding::kDepth;
   config_.run.log_every = 8;
-  const TrainResult result = TrainOn(Poisoned(15, 16), config_, Options(folder_ / "run"));
+  const TrainResult result = TrainOn(Poisoned(15, 16), config_, QuietRun(folder_ / "run"));
   EXPECT_TRUE(result.finished);
   std::int64_t skipped = 0;
   for (const json& row : MetricsRows(folder_ / "run", "train")) {
@@ -535,7 +462,7 @@ TEST_F(Trainer, SkipsAStepThatIsNotFinite) {
 
 TEST_F(Trainer, StopsWhereNoStepIsFinite) {
   config_.model.input = InputEncoding::kDepth;
-  ExpectError<Error>([&] { TrainOn(Poisoned(15, 15), config_, Options(folder_ / "run")); },
+  ExpectError<Error>([&] { TrainOn(Poisoned(15, 15), config_, QuietRun(folder_ / "run")); },
                      {"step 15", "states/000000000026.state", "optim.lr"});
   EXPECT_EQ(LoadCheckpoint(folder_ / "run" / "model.safetensors").meta.samples, 26);
 }
@@ -555,19 +482,15 @@ TEST_F(Trainer, SaysWhatToDoWhereMemoryIsShort) {
   const TrainingData data = Changed([&](auto*, int number) {
     if (number == 20) armed = true;
   });
-  ExpectError<Error>([&] { TrainOn(data, config_, Options(folder_ / "run")); },
+  ExpectError<Error>([&] { TrainOn(data, config_, QuietRun(folder_ / "run")); },
                      {"cpu is out of memory with 2 samples at once", "run.micro_batch",
                       "states/000000000026.state"});
-  TrainOptions again = Options(folder_ / "run");
-  again.resume = true;
-  EXPECT_TRUE(TrainOn(SyntheticData(2, 32, 1u << 20), config_, again).finished);
+  EXPECT_TRUE(Resume().finished);
 }
 
 TEST_F(Trainer, RejectsAnUnknownDevice) {
   config_.run.device = "tpu";
-  ExpectError<ConfigError>(
-      [&] { TrainOn(SyntheticData(2, 32, 8), config_, Options(folder_ / "run")); },
-      {"run.device", "tpu"});
+  ExpectError<ConfigError>([&] { Run("run"); }, {"run.device", "tpu"});
 }
 
 }  // namespace

@@ -2,11 +2,19 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
+#include <utility>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "render/sample.h"
+#include "tests/core/base/pixels.h"
+#include "tests/train/synthetic_source.h"
+#include "train/batch.h"
+#include "train/batch_feed.h"
 
 namespace volalign::training_data_test {
 namespace {
@@ -14,13 +22,8 @@ namespace {
 /// Rendered, two samples of 40 x 36 pixels a batch.
 TrainConfig SmallRecipe() {
   SetTorchThreads(1);
-  ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
-  for (const char* assignment :
-       {"data.image_sizes=[40x36, 64x36]", "run.batch_size=2", "run.samples=24",
-        "run.validation_samples=4", "optim.warmup_samples=4"}) {
-    source.Set(assignment);
-  }
-  return ReadTrainConfig(source);
+  return RecipeWith({"data.image_sizes=[40x36, 64x36]", "run.batch_size=2", "run.samples=24",
+                     "run.validation_samples=4", "optim.warmup_samples=4"});
 }
 
 void ExpectSame(const std::vector<Sample>& a, const std::vector<Sample>& b) {
@@ -55,6 +58,122 @@ TEST(OpenTrainingData, SamplesDependOnSeedAndNumberAlone) {
   const TrainingData other = OpenTrainingData(config);
   EXPECT_FALSE(other.open_validation()->Next()[0].depth == held_out[0].depth);
   EXPECT_FALSE(other.open_training(0)->Next()[0].depth == first[0].depth);
+}
+
+Sample Blank(const Intrinsics& k) {
+  Sample s;
+  s.intrinsics = k;
+  s.depth = DepthImage(k.width, k.height, 2.0F);
+  s.labels = LabelImage(k.width, k.height, 3);
+  return s;
+}
+
+TEST(Collate, RaysAreThoseOfEachSamplesLens) {
+  const Intrinsics pinhole{24, 20, 21, 22, 11.3, 9.1, {}};
+  Intrinsics lens = pinhole;
+  lens.distortion = {-0.3, 0.05, 0, 0};
+  const Batch batch = Collate({Blank(pinhole), Blank(lens)});
+  ASSERT_EQ(batch.rays.sizes(), at::IntArrayRef({2, 2, 20, 24}));
+  for (const auto [u, v] : Pixels(24, 20)) {
+    const double xd = (u - 11.3) / 21, yd = (v - 9.1) / 22;
+    EXPECT_NEAR(batch.rays[0][0][v][u].item<float>(), xd, 1e-6);
+    EXPECT_NEAR(batch.rays[0][1][v][u].item<float>(), yd, 1e-6);
+    // OpenCV's model, forwards.
+    const double x = batch.rays[1][0][v][u].item<float>();
+    const double y = batch.rays[1][1][v][u].item<float>();
+    const double r2 = x * x + y * y, radial = 1 - 0.3 * r2 + 0.05 * r2 * r2;
+    EXPECT_NEAR(x * radial, xd, 1e-6);
+    EXPECT_NEAR(y * radial, yd, 1e-6);
+  }
+}
+
+TEST(Collate, PixelsBeyondALensesFoldHaveNoDepth) {
+  // r (1 - 0.5 r^2) rises up to 0.5443.
+  const Intrinsics k{24, 20, 22, 22, 11.5, 9.5, {-0.5, 0, 0, 0}};
+  const Batch batch = Collate({Blank(k)});
+  int without = 0;
+  for (const auto [u, v] : Pixels(24, 20)) {
+    const bool folded = std::hypot(u - 11.5, v - 9.5) / 22 > 0.5443;
+    EXPECT_EQ(batch.depth[0][0][v][u].item<float>(), folded ? 0.0F : 2.0F) << u << " " << v;
+    EXPECT_TRUE(std::isfinite(batch.rays[0][0][v][u].item<float>()));
+    without += folded;
+  }
+  EXPECT_GT(without, 20);
+}
+
+/// What goes to a device in 16 and 8 bits comes out as it was.
+TEST(BatchPacker, TakesMillimetresWhereThatLosesNothing) {
+  const Intrinsics k{24, 20, 22, 22, 11.5, 9.5, {}};
+  Sample rounded = Blank(k), other = Blank(k);
+  for (std::size_t i = 0; i < rounded.depth.size(); ++i) {
+    // As a sensor's noise rounds (render/noise_kernels.inc), up to what int16 holds.
+    rounded.depth[i] = std::nearbyintf(static_cast<float>(i) * 68.4F) * 0.001F;
+    other.depth[i] = static_cast<float>(i) * 0.0123F;
+    rounded.labels[i] = static_cast<std::uint8_t>(i % 256);
+  }
+  for (const auto& [samples, type] : std::vector<std::pair<std::vector<Sample>, at::ScalarType>>{
+           {{rounded, rounded}, at::kShort}, {{rounded, other}, at::kFloat}}) {
+    BatchPacker packer(at::kCPU);
+    const PackedBatch packed = packer.Pack(samples);
+    EXPECT_EQ(packed.depth.scalar_type(), type);
+    EXPECT_EQ(packed.labels.scalar_type(), at::kByte);
+    EXPECT_EQ(packed.cameras.size(), 2u);
+    EXPECT_TRUE(packed.rays[0].is_same(packed.rays[1]));  // one camera, one tensor
+    const Batch batch = Unpack(packed);
+    for (std::size_t s = 0; s < 2; ++s) {
+      const float* depth = batch.depth.data_ptr<float>() + s * rounded.depth.size();
+      const std::int64_t* labels = batch.labels.data_ptr<std::int64_t>() + s * rounded.depth.size();
+      EXPECT_TRUE(std::equal(samples[s].depth.begin(), samples[s].depth.end(), depth));
+      EXPECT_TRUE(std::equal(samples[s].labels.begin(), samples[s].labels.end(), labels));
+    }
+  }
+  rounded.depth[7] = 32.768F;
+  EXPECT_EQ(BatchPacker(at::kCPU).Pack({rounded}).depth.scalar_type(), at::kFloat);
+}
+
+TEST(BatchPacker, ForgetsCamerasOfWhichThereAreMany) {
+  BatchPacker packer(at::kCPU);
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 0; i < 100; ++i) {
+      const Intrinsics k{24, 20, 22.0 + i, 22, 11.5, 9.5, {}};
+      const Batch batch = Unpack(packer.Pack({Blank(k), Blank(k)}));
+      EXPECT_NEAR(batch.rays[1][0][3][2].item<float>(), (2 - 11.5) / (22 + i), 1e-6);
+    }
+  }
+}
+
+TEST(BatchFeed, GivesWhatTheSourceDoesHoweverFarAhead) {
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  const std::unique_ptr<SampleSource> source = data.open_training(4);
+  BatchFeed now(data.open_training(4), at::kCPU, 0), ahead(data.open_training(4), at::kCPU, 2);
+  for (int i = 0; i < 6; ++i) {
+    const Batch expected = Collate(source->Next());
+    for (BatchFeed* feed : {&now, &ahead}) {
+      const FedBatch fed = feed->Next();
+      EXPECT_TRUE(fed.batch.depth.equal(expected.depth));
+      EXPECT_TRUE(fed.batch.labels.equal(expected.labels));
+      EXPECT_TRUE(fed.batch.rays.equal(expected.rays));
+      EXPECT_EQ(fed.cameras.size(), 2u);
+    }
+  }
+}
+
+TEST(BatchFeed, PassesOnWhatTheSourceThrows) {
+  struct Failing : SampleSource {
+    std::vector<Sample> Next() override { throw IoError("gone"); }
+  };
+  for (const int ahead : {0, 2}) {
+    BatchFeed feed(std::make_unique<Failing>(), at::kCPU, ahead);
+    EXPECT_THROW(feed.Next(), IoError);
+  }
+}
+
+TEST(Collate, ImagesOfOtherSizesAreAnError) {
+  const Intrinsics k{24, 20, 22, 22, 11.5, 9.5, {}};
+  Sample other = Blank(k);
+  other.intrinsics.width = 23;
+  EXPECT_THROW(Collate({Blank(k), other}), Error);
+  EXPECT_THROW(Collate({}), Error);
 }
 
 }  // namespace

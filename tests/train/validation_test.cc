@@ -4,7 +4,12 @@
 #include <c10/core/GradMode.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/train/synthetic_source.h"
+#include "train/checkpoint_validation.h"
 
 namespace volalign::validation_test {
 namespace {
@@ -66,11 +71,9 @@ TEST(FindKeypoints, ArePlainMeansOfTheSidesPoints) {
   sample.depth = view.depth;
   std::vector<Eigen::Vector3d> sums(21, Eigen::Vector3d::Zero());
   std::vector<int> counts(21, 0);
-  for (int v = 0; v < 144; ++v) {
-    for (int u = 0; u < 160; ++u) {
-      sums[view.labels(u, v)] += view.depth(u, v) * rays.at(u, v).cast<double>().homogeneous();
-      ++counts[view.labels(u, v)];
-    }
+  for (const auto [u, v] : Pixels(160, 144)) {
+    sums[view.labels(u, v)] += view.depth(u, v) * rays.at(u, v).cast<double>().homogeneous();
+    ++counts[view.labels(u, v)];
   }
   const SideKeypoints found = FindKeypoints(sample, view.labels, structure, KeypointKind::kExposed);
   ASSERT_GE(found.sensor.size(), 8U);
@@ -92,6 +95,43 @@ TEST(MedianPoseError, SaysNothingWithoutAPose) {
   result.median_translation_error_m = 0.1234;
   result.median_rotation_error_deg = 1.5;
   EXPECT_EQ(MedianPoseError(result), "12.3 cm, 1.50 deg");
+}
+
+ValidatedModel Scored() {
+  ValidatedModel model;
+  model.file = "a.pt";
+  // At 2 m, at the limit of the first two bands, and beyond the last one.
+  for (const auto& [rho, miou] : {std::pair(2.0, 0.5), {2.0, 0.7}, {2.25, 0.2}, {3.6, 0.1}}) {
+    SampleScore score;
+    score.sensor = rho > 2.1 ? "far" : "near";
+    score.rho_m = rho;
+    score.miou = miou;
+    model.result.scores.push_back(score);
+  }
+  return model;
+}
+
+TEST(ValidationJson, HasMeansOfEachSensorAndBandOfDistance) {
+  const auto json = nlohmann::json::parse(ValidationJson({Scored()})).at(0);
+  EXPECT_EQ(json.at("by_sensor").at("near").at("samples"), 2);
+  const auto& bands = json.at("by_rho_cm");
+  EXPECT_EQ(bands.size(), 2u);
+  EXPECT_EQ(bands.at("150-225").at("samples"), 2);
+  EXPECT_NEAR(bands.at("150-225").at("miou").get<double>(), 0.6, 1e-12);
+  EXPECT_NEAR(bands.at("225-275").at("miou").get<double>(), 0.2, 1e-12);
+}
+
+TEST(ValidationTable, HasTheSameRows) {
+  const Table table = ValidationTable({Scored(), Scored()});
+  ASSERT_EQ(table.rows.size(), 10u);
+  const std::string text = FormatTable(table, TableFormat::kText);
+  EXPECT_TRUE(Has(text, "rho 150-225 cm"));
+  EXPECT_FALSE(Has(text, "275-350"));
+  const auto rows = nlohmann::json::parse(FormatTable(table, TableFormat::kJson));
+  EXPECT_EQ(rows.at(0).at("group"), "all");
+  EXPECT_EQ(rows.at(0).at("samples"), 4);
+  EXPECT_NEAR(rows.at(0).at("miou").get<double>(), 0.375, 1e-12);
+  EXPECT_FALSE(rows.at(0).contains("median_translation_error_m"));
 }
 
 }  // namespace

@@ -3,42 +3,10 @@
 import json
 import os
 import struct
-import zlib
+import sys
 
-
-def read_png(path):
-    """(width, height, 16-bit values) of a grey PNG without interlacing."""
-    with open(path, "rb") as file:
-        data = file.read()
-    at, packed = 8, b""
-    while at < len(data):
-        (length,) = struct.unpack(">I", data[at : at + 4])
-        kind, chunk = data[at + 4 : at + 8], data[at + 8 : at + 8 + length]
-        if kind == b"IHDR":
-            width, height, bits, colour, _, _, interlace = struct.unpack(">IIBBBBB", chunk)
-            assert (bits, colour, interlace) == (16, 0, 0), path
-        elif kind == b"IDAT":
-            packed += chunk
-        at += 12 + length
-    raw, stride, above, values = zlib.decompress(packed), 2 * width, bytearray(2 * width), []
-    for v in range(height):
-        kind, row = raw[v * (stride + 1)], bytearray(raw[v * (stride + 1) + 1 : (v + 1) * (stride + 1)])
-        for i in range(stride):
-            left, up, corner = row[i - 2] if i > 1 else 0, above[i], above[i - 2] if i > 1 else 0
-            if kind == 1:
-                guess = left
-            elif kind == 2:
-                guess = up
-            elif kind == 3:
-                guess = (left + up) // 2
-            elif kind == 4:
-                guess = min((left, up, corner), key=lambda x: abs(left + up - corner - x))
-            else:
-                guess = 0
-            row[i] = (row[i] + guess) & 255
-        above = row
-        values += struct.unpack(f">{width}H", row)
-    return width, height, values
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", ".."))
+from grey_png import read_png  # noqa: E402
 
 
 def write_list(capture, folder):
@@ -48,7 +16,8 @@ def write_list(capture, folder):
     frames, path = [], os.path.join(folder, "sensors.txt")
     with open(path, "w", encoding="utf-8") as lines:
         for sensor in sensors:
-            width, height, depth = read_png(os.path.join(os.path.dirname(capture), sensor["depth"]))
+            rows = read_png(os.path.join(os.path.dirname(capture), sensor["depth"]))
+            width, height, depth = len(rows[0]), len(rows), [value for row in rows for value in row]
             pgm = os.path.join(folder, sensor["name"] + ".pgm")
             with open(pgm, "wb") as file:
                 file.write(b"P5 %d %d 65535\n" % (width, height) + struct.pack(f">{len(depth)}H", *depth))

@@ -28,12 +28,14 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
+namespace fs = std::filesystem;
+
 namespace volalign::file_util_test {
 namespace {
 
 /// Paths that fsync was called for, by the names that they had then.
-std::vector<std::filesystem::path>& Synced() {
-  static std::vector<std::filesystem::path> synced;
+std::vector<fs::path>& Synced() {
+  static std::vector<fs::path> synced;
   return synced;
 }
 
@@ -44,18 +46,18 @@ std::vector<std::filesystem::path>& Synced() {
 extern "C" int fsync(int file) {
   std::error_code error;
   volalign::file_util_test::Synced().push_back(
-      std::filesystem::read_symlink("/proc/self/fd/" + std::to_string(file), error));
+      fs::read_symlink("/proc/self/fd/" + std::to_string(file), error));
   return static_cast<int>(::syscall(SYS_fsync, file));
 }
 
 namespace volalign::file_util_test {
 namespace {
 
-std::set<std::string> Listing(const std::filesystem::path& folder) {
+/// Paths below the folder.
+std::set<std::string> Listing(const fs::path& folder) {
   std::set<std::string> names;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    names.insert(entry.path().filename().string());
-  }
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    names.insert(entry.path().lexically_relative(folder).string());
   return names;
 }
 
@@ -72,10 +74,10 @@ TEST(FileUtil, WritesAndReadsAnyBytes) {
 
 TEST(FileUtil, AFileNameAloneGoesToTheWorkingFolder) {
   const TempFolder folder;
-  const auto before = std::filesystem::current_path();
-  std::filesystem::current_path(folder.path());
+  const auto before = fs::current_path();
+  fs::current_path(folder.path());
   WriteFileAtomically("plain.txt", "x");
-  std::filesystem::current_path(before);
+  fs::current_path(before);
   EXPECT_EQ(ReadFile(folder / "plain.txt"), "x");
 }
 
@@ -93,10 +95,10 @@ TEST(FileUtil, OnlyFilesOnDiskAreRead) {
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
   ExpectError<IoError>([&] { ReadFile(pipe); }, {pipe, "pipe"});
   ExpectError<IoError>([] { ReadFile("/dev/zero", 1000); }, {"/dev/zero", "device"});
-  std::filesystem::create_symlink("/dev/zero", folder / "zero.png");
+  fs::create_symlink("/dev/zero", folder / "zero.png");
   ExpectError<IoError>([&] { ReadFile(folder / "zero.png", 1000); }, {"zero.png", "device"});
   WriteFileAtomically(folder / "a.txt", "content");
-  std::filesystem::create_symlink(folder / "a.txt", folder / "link.txt");
+  fs::create_symlink(folder / "a.txt", folder / "link.txt");
   EXPECT_EQ(ReadFile(folder / "link.txt"), "content");
   // Announces a size of 0.
   EXPECT_GT(ReadFile("/proc/self/status").size(), 100u);
@@ -115,7 +117,7 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
   WriteFileAtomically(folder / "file", "x");
   ExpectError<IoError>([&] { WriteFileAtomically(folder / "file/inner.txt", "y"); },
                        {(folder / "file").string()});
-  std::filesystem::create_directory(folder / "taken");
+  fs::create_directory(folder / "taken");
   ExpectError<IoError>([&] { WriteFileAtomically(folder / "taken", "y"); },
                        {(folder / "taken").string(), "a folder is there"});
   const std::string long_name(300, 'a');
@@ -128,19 +130,19 @@ TEST(FileUtil, WriteErrorsNamePathAndReasonAndLeaveNothing) {
 TEST(FileUtil, NoDeviceOrPipeIsReplaced) {
   const TempFolder folder;
   ASSERT_EQ(::mkfifo((folder / "pipe").c_str(), 0666), 0);
-  std::filesystem::create_symlink("/dev/null", folder / "null");
+  fs::create_symlink("/dev/null", folder / "null");
   for (const char* name : {"pipe", "null"}) {
     ExpectError<IoError>([&] { WriteFileAtomically(folder / name, "x"); },
                          {name, "a device or a pipe is there"});
   }
-  EXPECT_TRUE(std::filesystem::is_fifo(folder / "pipe"));
-  EXPECT_TRUE(std::filesystem::is_symlink(folder / "null"));
+  EXPECT_TRUE(fs::is_fifo(folder / "pipe"));
+  EXPECT_TRUE(fs::is_symlink(folder / "null"));
 }
 
 // The names of the file and of the folders that were made for it outlive a power failure, too.
 TEST(FileUtil, SyncsTheFileAndWhatNamesIt) {
   const TempFolder folder;
-  const std::filesystem::path base = std::filesystem::canonical(folder.path());
+  const fs::path base = fs::canonical(folder.path());
   Synced().clear();
   WriteFileAtomically(base / "a/b/c.txt", "x");
   ASSERT_EQ(Synced().size(), 4u);
@@ -210,11 +212,9 @@ TEST(Sha256, KnownAnswers) {
 
 // RFC 4648, section 10.
 TEST(Base64, FollowsTheStandard) {
-  EXPECT_EQ(Base64(""), "");
-  EXPECT_EQ(Base64("f"), "Zg==");
-  EXPECT_EQ(Base64("fo"), "Zm8=");
-  EXPECT_EQ(Base64("foo"), "Zm9v");
-  EXPECT_EQ(Base64("foobar"), "Zm9vYmFy");
+  for (const auto& [bytes, text] :
+       {std::pair("", ""), {"f", "Zg=="}, {"fo", "Zm8="}, {"foo", "Zm9v"}, {"foobar", "Zm9vYmFy"}})
+    EXPECT_EQ(Base64(bytes), text);
   EXPECT_EQ(Base64(std::string("\xff\xfe\x00\x80", 4)), "//4AgA==");
 }
 
@@ -227,13 +227,12 @@ TEST(FileUtil, AFileThatShrinksWhileItIsRead) {
   int refused = 0;
   for (int i = 0; i < 40; ++i) {
     WriteFileAtomically(folder / "file", whole, /*sync=*/false);
-    std::thread other([&] { std::filesystem::resize_file(folder / "file", left.size()); });
+    std::thread other([&] { fs::resize_file(folder / "file", left.size()); });
     try {
       const std::string read = ReadFile(folder / "file", std::uint64_t{1} << 30);
       EXPECT_TRUE(read == whole || read == left) << read.size();
     } catch (const IoError& error) {
-      EXPECT_NE(std::string(error.what()).find("became shorter"), std::string::npos)
-          << error.what();
+      EXPECT_TRUE(Has(error.what(), "became shorter"));
       ++refused;
     }
     other.join();
@@ -244,7 +243,6 @@ TEST(FileUtil, AFileThatShrinksWhileItIsRead) {
 // As another user, where this one may write everywhere.
 TEST(FileUtil, AFolderThatMayNotBeWrittenInto) {
   const TempFolder folder;
-  namespace fs = std::filesystem;
   fs::permissions(folder.path(), fs::perms::owner_read | fs::perms::owner_exec |
                                      fs::perms::others_read | fs::perms::others_exec);
   const pid_t child = ::fork();
@@ -267,22 +265,6 @@ TEST(FileUtil, AFolderThatMayNotBeWrittenInto) {
   EXPECT_EQ(WEXITSTATUS(status), 0);
   fs::permissions(folder.path(), fs::perms::owner_all);
   EXPECT_TRUE(fs::is_empty(folder.path()));
-}
-
-}  // namespace
-}  // namespace volalign::file_util_test
-
-namespace volalign::folder_test {
-namespace {
-
-namespace fs = std::filesystem;
-
-/// Paths below the folder.
-std::set<std::string> Listing(const fs::path& folder) {
-  std::set<std::string> names;
-  for (const auto& entry : fs::recursive_directory_iterator(folder))
-    names.insert(entry.path().lexically_relative(folder).string());
-  return names;
 }
 
 TEST(FolderLock, IsOneProcesssUntilItGoes) {
@@ -393,10 +375,9 @@ TEST(ResultFolder, WritesNothingBehindALink) {
   WriteFileAtomically(result.draft() / "labels/S1.png", "new");
   ExpectError<IoError>([&] { result.Publish("done"); },
                        {(out / "labels").string() + ", which is a link to another folder"});
-  const ResultFolder* const again = &result;
   fs::remove_all(result.draft() / "labels");
-  WriteFileAtomically(again->draft() / "done", "");
-  ExpectError<IoError>([&] { again->Publish("done", {"labels/S1.png"}); }, {"link"});
+  WriteFileAtomically(result.draft() / "done", "");
+  ExpectError<IoError>([&] { result.Publish("done", {"labels/S1.png"}); }, {"link"});
   EXPECT_EQ(ReadFile(folder / "victim/S1.png"), "mine");
 }
 
@@ -454,16 +435,8 @@ TEST(ResultFolder, NamesNoMixtureAsCompleteWhenKilledAtAnyMoment) {
       ASSERT_EQ(std::stoi(ReadFile(out / std::string(1, name))), NumberIn(out)) << "kill " << kill;
   }
   { const ResultFolder sweep(out); }
-  for (const std::string& name : Listing(out)) EXPECT_EQ(name.find("tmp"), std::string::npos);
+  for (const std::string& name : Listing(out)) EXPECT_FALSE(Has(name, "tmp"));
 }
-
-}  // namespace
-}  // namespace volalign::folder_test
-
-namespace volalign::input_file_test {
-namespace {
-
-namespace fs = std::filesystem;
 
 TEST(InputFile, DataStandAboveAProgramOrInShareBesideIt) {
   ::unsetenv("VOLALIGN_DATA_DIR");
@@ -499,4 +472,4 @@ TEST(InputFile, DataAreLookedForNearTheRunningProgramUnlessItSaysOtherwise) {
 }
 
 }  // namespace
-}  // namespace volalign::input_file_test
+}  // namespace volalign::file_util_test

@@ -1,6 +1,8 @@
 #include "core/base/stop.h"
 
 #include <gtest/gtest.h>
+#include <pthread.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -9,6 +11,7 @@
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -27,10 +30,43 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/core/base/thread_limit.h"
 
 namespace volalign::stop_test {
 namespace {
+
+/// While it lives, the process can start `count` more threads at a time: stacks are made so large
+/// that its address space holds no more.
+class ThreadLimit {
+ public:
+  explicit ThreadLimit(int count) {
+    constexpr std::size_t kStack = std::size_t{1} << 30;
+    pthread_attr_init(&old_attributes_);
+    EXPECT_EQ(pthread_getattr_default_np(&old_attributes_), 0);
+    EXPECT_EQ(getrlimit(RLIMIT_AS, &old_limit_), 0);
+    pthread_attr_t attributes;
+    pthread_attr_init(&attributes);
+    pthread_attr_setstacksize(&attributes, kStack);
+    EXPECT_EQ(pthread_setattr_default_np(&attributes), 0);
+    pthread_attr_destroy(&attributes);
+    std::size_t pages = 0;
+    std::ifstream("/proc/self/statm") >> pages;
+    rlimit limit = old_limit_;
+    limit.rlim_cur = pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)) +
+                     static_cast<std::size_t>(count) * kStack + kStack / 2;
+    EXPECT_EQ(setrlimit(RLIMIT_AS, &limit), 0);
+  }
+  ~ThreadLimit() {
+    EXPECT_EQ(setrlimit(RLIMIT_AS, &old_limit_), 0);
+    EXPECT_EQ(pthread_setattr_default_np(&old_attributes_), 0);
+    pthread_attr_destroy(&old_attributes_);
+  }
+  ThreadLimit(const ThreadLimit&) = delete;
+  ThreadLimit& operator=(const ThreadLimit&) = delete;
+
+ private:
+  pthread_attr_t old_attributes_;
+  rlimit old_limit_;
+};
 
 TEST(Stop, ConcernsItsScopeAlone) {
   std::atomic<bool> asked{true};
@@ -62,12 +98,6 @@ TEST(Stop, ReachesAllTasksOfParallelFor) {
                Stopped);
   EXPECT_LE(begun, 4) << "those that had not begun do not begin";
 }
-
-}  // namespace
-}  // namespace volalign::stop_test
-
-namespace volalign::interrupt_test {
-namespace {
 
 int g_reached = 0;  // signals that came to the handler of before
 
@@ -199,12 +229,6 @@ TEST(EndOnInterrupt, LeavesGuardsAndIgnoredSignalsAlone) {
   EXPECT_EQ(said, "");
 }
 
-}  // namespace
-}  // namespace volalign::interrupt_test
-
-namespace volalign::parallel_for_test {
-namespace {
-
 /// How often each task ran, and on how many threads.
 struct Counts {
   std::vector<int> runs;
@@ -227,9 +251,8 @@ Counts CountRuns(std::size_t count, int threads) {
 
 TEST(ParallelFor, RunsEachTaskOnce) {
   for (const int threads : {0, 1, 3}) {
-    for (const std::size_t count : {0, 1, 40}) {
+    for (const std::size_t count : {0, 1, 40})
       EXPECT_EQ(CountRuns(count, threads).runs, std::vector<int>(count, 1)) << threads;
-    }
   }
   EXPECT_EQ(CountRuns(40, 1).threads, 1u);
   EXPECT_LE(CountRuns(40, 3).threads, 3u);
@@ -257,14 +280,8 @@ TEST(ParallelFor, DoesTheWorkWithTheThreadsThatThereAre) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::parallel_for_test
-
 // The expected streams are written down here from the index alone; delays make the threads finish
 // in another order.
-namespace volalign::ordered_prefetch_test {
-namespace {
-
 using Stream = OrderedPrefetch<std::uint64_t>;
 
 void Sleep(int ms) { std::this_thread::sleep_for(std::chrono::milliseconds(ms)); }
@@ -397,4 +414,4 @@ TEST(OrderedPrefetch, RejectsBadOptions) {
 }
 
 }  // namespace
-}  // namespace volalign::ordered_prefetch_test
+}  // namespace volalign::stop_test

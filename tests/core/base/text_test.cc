@@ -15,12 +15,15 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/base/noise_fields.h"
 #include "core/base/progress_line.h"
 #include "core/base/provenance.h"
 #include "core/base/random.h"
 #include "core/base/sentence.h"
 #include "core/base/statistics.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
 #include "tests/core/base/terminal.h"
 
 namespace volalign::text_test {
@@ -103,7 +106,7 @@ TEST(Error, IsOneShortLineWhateverItQuotes) {
   const std::string said = DataError("x.json: " + std::string(1000000, 'a') + "; rename it").what();
   EXPECT_LT(said.size(), 1600u);
   EXPECT_EQ(said.rfind("x.json: a", 0), 0u);
-  EXPECT_NE(said.find("a ... a"), std::string::npos);
+  EXPECT_TRUE(Has(said, "a ... a"));
   EXPECT_EQ(said.substr(said.size() - 11), "; rename it");
   std::string euros;
   for (int i = 0; i < 1000; ++i) euros += "\xe2\x82\xac";
@@ -115,10 +118,9 @@ TEST(SentenceOf, SaysWhatTheSystemMeans) {
   std::error_code loop = std::make_error_code(std::errc::too_many_symbolic_link_levels);
   EXPECT_EQ(SentenceOf(std::filesystem::filesystem_error("status", "a/b", loop)),
             "a/b: " + loop.message());
-  EXPECT_NE(
-      SentenceOf(std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again)))
-          .find("no more threads"),
-      std::string::npos);
+  EXPECT_TRUE(Has(SentenceOf(std::system_error(
+                      std::make_error_code(std::errc::resource_unavailable_try_again))),
+                  "no more threads"));
   EXPECT_EQ(SentenceOf(std::runtime_error("a\nframe 1")), "a");
 }
 
@@ -149,20 +151,10 @@ TEST(RequirePlainName, RefusesWhatATerminalOrATableWouldMisread) {
   EXPECT_THROW(RequirePlainText(std::string(201, 'a'), "serial"), DataError);
 }
 
-}  // namespace
-}  // namespace volalign::text_test
-
-namespace volalign::progress_line_test {
-namespace {
-
 using Clock = std::chrono::steady_clock;
 
 /// Until it has been drawn, on a machine that does nothing else.
 void Wait() { std::this_thread::sleep_for(std::chrono::milliseconds(450)); }
-
-bool Has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 /// What is shown from now on, until all of it has `part` so many times, or ten seconds have passed.
 std::string SeenUntil(Terminal* terminal, const std::string& part, int times = 1) {
@@ -254,12 +246,6 @@ TEST(RoundDuration, IsInTheUnitThatAPersonWouldTake) {
   EXPECT_EQ(RoundDuration(150 * 86400.0), "150 days");
 }
 
-}  // namespace
-}  // namespace volalign::progress_line_test
-
-namespace volalign {
-namespace {
-
 class Provenance : public ::testing::Test {
  protected:
   void TearDown() override { ::unsetenv("SOURCE_DATE_EPOCH"); }
@@ -278,29 +264,19 @@ TEST_F(Provenance, TimeIsNow) {
   EXPECT_EQ(now, same);
 }
 
-TEST_F(Provenance, TimeIsThatOfSourceDateEpoch) {
+TEST_F(Provenance, TimeIsThatOfSourceDateEpochIfItIsANumber) {
   ::setenv("SOURCE_DATE_EPOCH", "951782399", 1);
   EXPECT_EQ(UtcNow(), "2000-02-28T23:59:59Z");
-}
-
-TEST_F(Provenance, SourceDateEpochHasToBeANumber) {
   for (const char* wrong : {"", "yesterday", "12x", "-1", "99999999999999999999"}) {
     ::setenv("SOURCE_DATE_EPOCH", wrong, 1);
     EXPECT_THROW(UtcNow(), ConfigError) << wrong;
   }
 }
 
-}  // namespace
-}  // namespace volalign
-
-namespace volalign::statistics_test {
-namespace {
-
 TEST(Quantile, IsAnElementOfTheSortedValues) {
   RandomStream random(1, 0, "values");
   for (const int n : {1, 2, 3, 10, 101}) {
     std::vector<double> values;
-    values.reserve(static_cast<std::size_t>(n));
     for (int i = 0; i < n; ++i) values.push_back(random.Normal());
     std::vector<double> sorted = values;
     std::sort(sorted.begin(), sorted.end());
@@ -309,23 +285,15 @@ TEST(Quantile, IsAnElementOfTheSortedValues) {
           << n << " " << q;
     EXPECT_EQ(Quantile(values, 0.5), sorted[static_cast<std::size_t>(n / 2)]) << n;
   }
+  EXPECT_EQ(Quantile(std::vector<double>(), 0.5), 0);
 }
-
-TEST(Quantile, OfNothingIsZero) { EXPECT_EQ(Quantile(std::vector<double>(), 0.5), 0); }
 
 TEST(Quantile, TheMadOfANormalDistributionGivesItsStandardDeviation) {
   RandomStream random(2, 0, "normal");
   std::vector<double> deviations;
-  deviations.reserve(100000);
   for (int i = 0; i < 100000; ++i) deviations.push_back(std::abs(2 * random.Normal()));
   EXPECT_NEAR(kMadToSigma * Quantile(deviations, 0.5), 2, 0.03);  // 3 standard errors
 }
-
-}  // namespace
-}  // namespace volalign::statistics_test
-
-namespace volalign::random_test {
-namespace {
 
 using Words = std::array<std::uint32_t, 4>;
 
@@ -343,7 +311,6 @@ std::vector<std::uint32_t> Draw(std::uint64_t seed, std::uint64_t index, const s
                                 int n) {
   RandomStream stream(seed, index, stage);
   std::vector<std::uint32_t> words;
-  words.reserve(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) words.push_back(stream.NextU32());
   return words;
 }
@@ -392,14 +359,14 @@ TEST(RandomStream, UniformHasTheMomentsOfTheUniformLaw) {
 
 TEST(RandomStream, UniformOfAnIntervalStaysInIt) {
   RandomStream stream(3, 1, "interval");
-  double sum = 0;
+  Tally drawn;
   for (int i = 0; i < 20000; ++i) {
     const double x = stream.Uniform(-15, 75);
     ASSERT_GE(x, -15);
     ASSERT_LT(x, 75);
-    sum += x;
+    drawn += x;
   }
-  EXPECT_NEAR(sum / 20000, 30, 4.5 * 90 / std::sqrt(12.0 * 20000));
+  EXPECT_NEAR(drawn.Mean(), 30, 4.5 * 90 / std::sqrt(12.0 * 20000));
 }
 
 TEST(RandomStream, BelowIsUniformOverTheIntegers) {
@@ -464,5 +431,59 @@ TEST(RandomStream, NormalTakesMeanAndSigma) {
   for (int i = 0; i < 10; ++i) EXPECT_DOUBLE_EQ(a.Normal(2, 0.5), 2 + 0.5 * b.Normal());
 }
 
+constexpr int kWidth = 77, kHeight = 9, kPixels = kWidth * kHeight;
+
+TEST(FieldLoops, DrawTheNumbersOfPixelRandom) {
+  RandomStream stream(3, 4, "test");
+  const PixelRandom pixel(stream);
+  const KernelSets<FieldLoops>& all = AllFieldLoops();
+  for (int set = 0; set < all.count; ++set) {
+    std::vector<float> uniform(kPixels), normal(kPixels);
+    all.sets[set].uniform(pixel.key(), 1000, kPixels, uniform.data());
+    all.sets[set].normal(pixel.key(), 1000, kPixels, normal.data());
+    for (std::size_t i = 0; i < kPixels; ++i) {
+      ASSERT_EQ(uniform[i], pixel.Uniform(1000 + i)) << set;
+      ASSERT_EQ(normal[i], pixel.Normal(1000 + i)) << set;
+    }
+  }
+}
+
+TEST(FieldLoops, GiveTheSameByEveryInstructionSet) {
+  const KernelSets<FieldLoops>& all = AllFieldLoops();
+  for (const int width : {1, 2, 33, kWidth}) {
+    for (const double correlation : {1.0, 4.7, 60.0}) {
+      std::vector<Image<float>> fields, smooth;
+      for (int set = 0; set < all.count; ++set) {
+        RandomStream random(3, 4, "test");
+        fields.push_back(SmoothField(width, kHeight, correlation, random, all.sets[set]));
+        smooth.push_back(fields.back());
+        SmoothUnitNoise(1.2, 0.9, &smooth.back(), all.sets[set]);
+        EXPECT_TRUE(fields.back() == fields[0] && smooth.back() == smooth[0]) << set;
+      }
+    }
+  }
+}
+
+// Against the sums that are meant, a pixel at a time, where the ends have themselves for
+// neighbours.
+TEST(SmoothUnitNoise, IsAThreeTapGaussianEachWay) {
+  RandomStream random(3, 4, "test");
+  const PixelRandom pixel(random);
+  Image<float> noise(5, 4);
+  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = pixel.Normal(i);
+  const double side = std::exp(-0.5 / (1.2 * 1.2)), norm = 1 / std::sqrt(1 + 2 * side * side);
+  const auto along = [&](int u, int v) {
+    const float left = noise(std::max(u - 1, 0), v), right = noise(std::min(u + 1, 4), v);
+    return norm * (noise(u, v) + side * (left + right));
+  };
+  std::vector<double> expected;
+  for (const auto [u, v] : Pixels(5, 4)) {
+    const double above = along(u, std::max(v - 1, 0)), below = along(u, std::min(v + 1, 3));
+    expected.push_back(norm * (along(u, v) + side * (above + below)));
+  }
+  SmoothUnitNoise(1.2, 1.2, &noise);
+  for (std::size_t i = 0; i < noise.size(); ++i) EXPECT_NEAR(noise[i], expected[i], 1e-5) << i;
+}
+
 }  // namespace
-}  // namespace volalign::random_test
+}  // namespace volalign::text_test

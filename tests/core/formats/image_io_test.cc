@@ -45,9 +45,8 @@ const char kHuge[] =
 
 std::string FromHex(const std::string& hex) {
   std::string bytes;
-  for (std::size_t i = 0; i + 1 < hex.size(); i += 2) {
+  for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
     bytes.push_back(static_cast<char>(std::stoi(hex.substr(i, 2), nullptr, 16)));
-  }
   return bytes;
 }
 
@@ -67,9 +66,8 @@ template <class T>
 Image<T> Noise(int width, int height, std::uint32_t maximum) {
   Image<T> image(width, height);
   RandomStream random(1, static_cast<std::uint64_t>(width), "image");
-  for (auto& x : image) {
+  for (auto& x : image)
     x = static_cast<T>(random.NextU32() % (static_cast<std::uint64_t>(maximum) + 1));
-  }
   return image;
 }
 
@@ -244,7 +242,7 @@ bool Readable(const std::filesystem::path& path) {
       if (reader == 2) ReadPngRgb(path);
       any = true;
     } catch (const DataError& e) {
-      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos);
+      EXPECT_FALSE(Has(e.what(), "\n"));
     }
   }
   return any;
@@ -253,9 +251,8 @@ bool Readable(const std::filesystem::path& path) {
 TEST_F(ImageIo, EveryTruncationIsRefused) {
   for (const auto& [name, bytes] : ValidFiles(folder_)) {
     EXPECT_TRUE(Readable(File(bytes))) << name;
-    for (std::size_t size = 0; size < bytes.size() - 6; size += 97) {
+    for (std::size_t size = 0; size < bytes.size() - 6; size += 97)
       EXPECT_FALSE(Readable(File(bytes.substr(0, size)))) << name << " cut to " << size << " bytes";
-    }
     EXPECT_FALSE(Readable(File(bytes.substr(0, bytes.size() - 6)))) << name;
   }
 }
@@ -284,20 +281,13 @@ TEST(DepthUnits, WhatDoesNotFitIsNoMeasurement) {
             (std::vector<int>{65535, 0, 0, 0, 0, 1234, 1235}));
 }
 
-}  // namespace
-}  // namespace volalign::image_io_test
-
-namespace volalign::palette_png_test {
-namespace {
-
 /// The colour type in a PNG's header: 3 is a palette, 2 is none.
 int ColourType(const std::string& bytes) { return static_cast<unsigned char>(bytes.at(25)); }
 
 TEST(PalettePng, IsReadAsItWas) {
   RgbImage few(37, 21);
-  for (std::size_t i = 0; i < few.size(); ++i) {
+  for (std::size_t i = 0; i < few.size(); ++i)
     few[i] = {static_cast<std::uint8_t>(i % 256), 7, static_cast<std::uint8_t>(i % 256 / 3)};
-  }
   const std::string with = EncodePalettePng(few);
   EXPECT_EQ(ColourType(with), 3);
   EXPECT_EQ(DecodePngRgb(with), few);
@@ -314,4 +304,4 @@ TEST(PalettePng, AnEmptyPictureIsAnError) {
 }
 
 }  // namespace
-}  // namespace volalign::palette_png_test
+}  // namespace volalign::image_io_test

@@ -15,6 +15,7 @@
 #include "core/geometry/lens.h"
 #include "core/geometry/sensor_kind.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::camera_test {
@@ -73,29 +74,17 @@ TEST(Intrinsics, ValidateNamesWhatIsWrong) {
   const auto expect_bad = [](const Intrinsics& k, const std::string& part) {
     ExpectError<DataError>([&] { k.Validate("sensor KA03"); }, {"sensor KA03", part});
   };
-  Intrinsics k = Example();
-  k.width = 0;
-  expect_bad(k, "0x480");
-  k = Example();
-  k.height = -3;
-  expect_bad(k, "640x-3");
+  expect_bad({0, 480, 600, 590, 317, 236, {}}, "0x480");
+  expect_bad({640, -3, 600, 590, 317, 236, {}}, "640x-3");
   for (const double f : {0.0, -600.0, nan, inf}) {
-    k = Example();
-    k.fx = f;
-    expect_bad(k, "fx");
-    k = Example();
-    k.fy = f;
-    expect_bad(k, "fy");
+    expect_bad({640, 480, f, 590, 317, 236, {}}, "fx");
+    expect_bad({640, 480, 600, f, 317, 236, {}}, "fy");
   }
   for (const double c : {-641.0, 1281.0, nan, inf, -inf}) {
-    k = Example();
-    k.cx = c;
-    expect_bad(k, "principal point");
-    k = Example();
-    k.cy = c;
-    expect_bad(k, "principal point");
+    expect_bad({640, 480, 600, 590, c, 236, {}}, "principal point");
+    expect_bad({640, 480, 600, 590, 317, c, {}}, "principal point");
   }
-  k = Example();
+  Intrinsics k = Example();
   k.width = k.height = std::numeric_limits<int>::max();
   k.Validate("a");
   for (const std::size_t n : {1u, 2u, 3u, 6u, 7u, 9u, 12u}) {
@@ -136,21 +125,12 @@ TEST(IntrinsicsPool, ReadsTheShippedPool) {
       expected["orbbec_femto_" + device + mode] = 2;
   }
   EXPECT_EQ(counts, expected);
-  EXPECT_TRUE(pool[0].intrinsics[1] == (Intrinsics{1280,
-                                                   720,
-                                                   939.235107421875,
-                                                   939.235107421875,
-                                                   639.2382202148438,
-                                                   350.4108581542969,
-                                                   {}}));
-  EXPECT_TRUE(pool[4].intrinsics[2] ==
-              (Intrinsics{320,
-                          288,
-                          252.2103,
-                          252.2250,
-                          167.5221,
-                          170.2071,
-                          {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}}));
+  const double focal = 939.235107421875;
+  const std::vector<double> lens = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
+  const Intrinsics d415{1280, 720, focal, focal, 639.2382202148438, 350.4108581542969, {}};
+  const Intrinsics azure{320, 288, 252.2103, 252.2250, 167.5221, 170.2071, lens};
+  EXPECT_TRUE(pool[0].intrinsics[1] == d415);
+  EXPECT_TRUE(pool[4].intrinsics[2] == azure);
 }
 
 TEST(IntrinsicsPool, RejectsBadFiles) {
@@ -194,12 +174,6 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
                        {"missing.yaml"});
 }
 
-}  // namespace
-}  // namespace volalign::camera_test
-
-namespace volalign::lens_test {
-namespace {
-
 /// OpenCV's documented model, written out term by term; shares no code with the library.
 Eigen::Vector2d Project(const Intrinsics& k, double x, double y) {
   const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };
@@ -223,9 +197,8 @@ TEST(Lens, ForwardModelIsTheDocumentedOne) {
                                         {0.08, -0.12, -0.0006, 0.0009, 0.03},
                                         {0.45, -0.06, 0.002, -0.003, -0.003, 0.79, 0.03, -0.013}}) {
     const Intrinsics k = Camera(lens);
-    for (const Eigen::Vector2d& ray : {Eigen::Vector2d(0.3, -0.5), Eigen::Vector2d(-0.6, 0.1)}) {
+    for (const Eigen::Vector2d& ray : {Eigen::Vector2d(0.3, -0.5), Eigen::Vector2d(-0.6, 0.1)})
       EXPECT_LT((ProjectRay(k, ray) - Project(k, ray.x(), ray.y())).norm(), 1e-9) << lens.size();
-    }
   }
 }
 
@@ -244,13 +217,11 @@ TEST(Lens, RaysProjectBackToTheirPixels) {
     const RayTable table = ComputeRays(k);
     ASSERT_EQ(table.width, k.width);
     ASSERT_EQ(table.height, k.height);
-    for (int v = 0; v < k.height; ++v) {
-      for (int u = 0; u < k.width; ++u) {
-        const Eigen::Vector2d p = Project(k, table.at(u, v).x(), table.at(u, v).y());
-        const double error = std::hypot(p.x() - u, p.y() - v);
-        // Float rays: 1e-7 of a focal length.
-        ASSERT_FALSE(!(error <= 1e-4)) << lens.size() << " coefficients, pixel " << u << " " << v;
-      }
+    for (const auto [u, v] : Pixels(k.width, k.height)) {
+      const Eigen::Vector2d p = Project(k, table.at(u, v).x(), table.at(u, v).y());
+      const double error = std::hypot(p.x() - u, p.y() - v);
+      // Float rays: 1e-7 of a focal length.
+      ASSERT_FALSE(!(error <= 1e-4)) << lens.size() << " coefficients, pixel " << u << " " << v;
     }
   }
 }
@@ -261,17 +232,15 @@ TEST(Lens, PixelsBeyondTheFoldHaveNoRay) {
   const Intrinsics k = Camera({-0.5, 0, 0, 0});
   const RayTable table = ComputeRays(k);
   int with = 0, without = 0;
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
-      if (radius < 0.544) {
-        ASSERT_LT(table.at(u, v).norm(), 0.8165) << u << " " << v;
-        ++with;
-      }
-      if (radius > 0.545) {
-        ASSERT_FALSE(table.at(u, v).allFinite()) << u << " " << v;
-        ++without;
-      }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+    if (radius < 0.544) {
+      ASSERT_LT(table.at(u, v).norm(), 0.8165) << u << " " << v;
+      ++with;
+    }
+    if (radius > 0.545) {
+      ASSERT_FALSE(table.at(u, v).allFinite()) << u << " " << v;
+      ++without;
     }
   }
   EXPECT_GT(with, 1000);
@@ -298,27 +267,13 @@ TEST(Lens, TheShareWithoutRaysIsThePictures) {
   k.cy = -0.5;
   const double reach = std::sqrt(2.0 / 3) * 2 / 3;  // where r (1 - 0.5 r^2) is largest
   double beyond = 0;
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      beyond += std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy) > reach;
-    }
-  }
-  std::string message;
-  try {
-    RequireRays(k, "S1");
-  } catch (const DataError& error) {
-    message = error.what();
-  }
+  for (const auto [u, v] : Pixels(k.width, k.height))
+    beyond += std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy) > reach;
+  const std::string message = ExpectError<DataError>([&] { RequireRays(k, "S1"); });
   const std::size_t at = message.find("inverted at ");
   ASSERT_NE(at, std::string::npos) << message;
   EXPECT_NEAR(std::stod(message.substr(at + 12)), 100 * beyond / (k.width * k.height), 1);
 }
-
-}  // namespace
-}  // namespace volalign::lens_test
-
-namespace volalign::sensor_kind_test {
-namespace {
 
 TEST(FindSensorKind, IsTheOneWithTheLongestNameThatItBeginsWith) {
   const SensorKind* azure = FindSensorKind("azure_kinect_nfov_binned");
@@ -522,4 +477,4 @@ TEST(ParseSensorKinds, RejectsWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace volalign::sensor_kind_test
+}  // namespace volalign::camera_test

@@ -16,6 +16,7 @@
 #include "core/geometry/lens.h"
 #include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::visibility_test {
 namespace {
@@ -186,17 +187,15 @@ void ExpectViewAsTriangles(const Structure& structure, const Intrinsics& intrins
   const ExpectedView view = CastView(structure, rays, pose);
   ASSERT_EQ(view.depth.width(), intrinsics.width);
   ASSERT_EQ(view.labels.height(), intrinsics.height);
-  for (int v = 0; v < intrinsics.height; ++v) {
-    for (int u = 0; u < intrinsics.width; ++u) {
-      const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
-      const Crossing expected = BruteForceCast(triangles, pose.translation(), pose.linear() * ray);
-      if (expected.edge < 1e-6) continue;
-      const double depth = expected.box < 0 ? 0 : expected.t;  // the ray has z = 1
-      ASSERT_NEAR(view.depth(u, v), depth, 1e-6) << u << ", " << v;
-      ASSERT_EQ(view.labels(u, v), expected.label) << u << ", " << v;
-      *hits += expected.box >= 0;
-      *downs += expected.box >= 0 && expected.label == 0;
-    }
+  for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height)) {
+    const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+    const Crossing expected = BruteForceCast(triangles, pose.translation(), pose.linear() * ray);
+    if (expected.edge < 1e-6) continue;
+    const double depth = expected.box < 0 ? 0 : expected.t;  // the ray has z = 1
+    ASSERT_NEAR(view.depth(u, v), depth, 1e-6) << u << ", " << v;
+    ASSERT_EQ(view.labels(u, v), expected.label) << u << ", " << v;
+    *hits += expected.box >= 0;
+    *downs += expected.box >= 0 && expected.label == 0;
   }
 }
 
@@ -259,13 +258,11 @@ TEST(CastView, TilesMissNothing) {
     const Pose pose = LookAt({1.1, height, 0.9}, {0.2, height, 0.1}, 0.3);
     const ExpectedView view = CastView(structure, rays, pose);
     int hits = 0;
-    for (int v = 0; v < rays.height; ++v) {
-      for (int u = 0; u < rays.width; ++u) {
-        const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
-        const RayHit hit = CastRay(structure, pose.translation(), pose.linear() * ray);
-        ASSERT_NEAR(view.depth(u, v), hit.side < 0 ? 0 : hit.t, 1e-6) << u << ", " << v;
-        hits += hit.side >= 0;
-      }
+    for (const auto [u, v] : Pixels(rays.width, rays.height)) {
+      const Vector3d ray(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+      const RayHit hit = CastRay(structure, pose.translation(), pose.linear() * ray);
+      ASSERT_NEAR(view.depth(u, v), hit.side < 0 ? 0 : hit.t, 1e-6) << u << ", " << v;
+      hits += hit.side >= 0;
     }
     EXPECT_GT(hits, 100);
   }
@@ -280,9 +277,8 @@ TEST(DistanceToSurface, AgreesWithDenseSampling) {
       const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
       const int n = static_cast<int>(std::max(e1.norm(), e2.norm()) / kStep) + 1;
       for (int i = 0; i <= n; ++i) {
-        for (int j = 0; i + j <= n; ++j) {
+        for (int j = 0; i + j <= n; ++j)
           samples.emplace_back(triangle.p[0] + e1 * i / n + e2 * j / n, triangle.box);
-        }
       }
     }
     RandomStream random(4, index, "distance");
@@ -340,12 +336,6 @@ TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
     }
   }
 }
-
-}  // namespace
-}  // namespace volalign::visibility_test
-
-namespace volalign {
-namespace {
 
 const Side& SideNamed(const Structure& structure, const std::string& name) {
   for (const Side& side : structure.sides()) {
@@ -462,16 +452,9 @@ TEST(BouncedShare, AddsWhatTheFloorAndBoxesThrow) {
   EXPECT_NEAR(BouncedShare(structure, top, before, eye, 0.2), 1.3 * share, 1e-9);
 }
 
-}  // namespace
-}  // namespace volalign
-
-namespace volalign::kd_tree_test {
-namespace {
-
 std::vector<Eigen::Vector3d> RandomPoints(std::uint64_t seed, int count) {
   RandomStream random(seed, 0, "points");
   std::vector<Eigen::Vector3d> points;
-  points.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i)
     points.emplace_back(random.Normal(), random.Normal(), random.Normal());
   return points;
@@ -499,14 +482,10 @@ TEST(KdTree, FindsWhatASearchThroughAllPointsFinds) {
   }
 }
 
-TEST(KdTree, APointAtTheLargestDistanceIsNear) {
-  const KdTree tree({Eigen::Vector3d(3, 0, 4)});
-  EXPECT_EQ(tree.Nearest(Eigen::Vector3d::Zero(), 5).index, 0);
-}
-
-TEST(KdTree, OfNothingHasNoNeighbour) {
+TEST(KdTree, APointAtTheLargestDistanceIsNearAndNothingHasNoNeighbour) {
+  EXPECT_EQ(KdTree({Eigen::Vector3d(3, 0, 4)}).Nearest(Eigen::Vector3d::Zero(), 5).index, 0);
   EXPECT_EQ(KdTree({}).Nearest(Eigen::Vector3d::Zero()).index, -1);
 }
 
 }  // namespace
-}  // namespace volalign::kd_tree_test
+}  // namespace volalign::visibility_test

@@ -169,7 +169,7 @@ TEST(JsonArchive, WritesTextThatIsNoUtf8) {
   Thing thing;
   thing.title = "caf\xe9.png";
   const std::string text = WriteDescribed(thing, "thing", 1);
-  EXPECT_NE(text.find("\"caf\xef\xbf\xbd.png\""), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "\"caf\xef\xbf\xbd.png\""));
 }
 
 TEST(JsonArchive, ReadingNamesThePlace) {
@@ -250,12 +250,6 @@ TEST(JsonArchive, WritingRefusesWhatIsNotFinite) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::json_archive_test
-
-namespace volalign::strict_json_test {
-namespace {
-
 std::string Nested(int levels) {
   return std::string(static_cast<std::size_t>(levels), '[') +
          std::string(static_cast<std::size_t>(levels), ']');
@@ -286,21 +280,12 @@ TEST(ParseStrictJson, RefusesWhatIsNotStrict) {
 // Messages quote values, keys and texts of the file, of whatever length.
 TEST(JsonObject, MessagesAreShort) {
   const std::string long_text(1000000, 'a');
-  const auto message_of = [](const auto& call) -> std::string {
-    try {
-      call();
-    } catch (const DataError& error) {
-      return error.what();
-    }
-    ADD_FAILURE() << "nothing was thrown";
-    return "";
-  };
   const nlohmann::json number = {{"n", long_text}}, key = {{long_text, 1}};
   for (const std::string& message :
-       {message_of([&] { JsonObject(number, "a.json").Number("n"); }),
-        message_of([&] { JsonObject(key, "a.json").RejectOthers(); }),
-        message_of([&] { ParseStrictJson("{\"a\": " + long_text + "}", "a.json"); }),
-        message_of([&] {
+       {ExpectError<DataError>([&] { JsonObject(number, "a.json").Number("n"); }),
+        ExpectError<DataError>([&] { JsonObject(key, "a.json").RejectOthers(); }),
+        ExpectError<DataError>([&] { ParseStrictJson("{\"a\": " + long_text + "}", "a.json"); }),
+        ExpectError<DataError>([&] {
           ParseStrictJson("{\"" + long_text + "\":1,\"" + long_text + "\":2}", "a.json");
         })}) {
     EXPECT_LT(message.size(), 400u);
@@ -308,12 +293,6 @@ TEST(JsonObject, MessagesAreShort) {
   }
   EXPECT_EQ(ShownJson({1, "a\x7f"}), "[1,\"a\\x7f\"]");
 }
-
-}  // namespace
-}  // namespace volalign::strict_json_test
-
-namespace volalign::table_test {
-namespace {
 
 Table TwoSensors() {
   Table table;
@@ -335,11 +314,11 @@ TEST(FormatTable, LeavesOutWhatNoRowHas) {
   for (auto& row : table.rows) row[1] = Table::Cell();
   EXPECT_EQ(FormatTable(table, TableFormat::kText).rfind("sensor  sides  refined\n", 0), 0u);
   table.rows[0][0] = "a\n\xff";
-  EXPECT_NE(FormatTable(table, TableFormat::kText).find("a\\x0a\\xff"), std::string::npos);
+  EXPECT_TRUE(Has(FormatTable(table, TableFormat::kText), "a\\x0a\\xff"));
   EXPECT_EQ(nlohmann::json::parse(FormatTable(table, TableFormat::kJson))[0].at("sensor"),
             "a\\x0a\\xff");
   table.rows.clear();
-  EXPECT_NE(FormatTable(table, TableFormat::kText).find("rms mm"), std::string::npos);
+  EXPECT_TRUE(Has(FormatTable(table, TableFormat::kText), "rms mm"));
 }
 
 TEST(FormatTable, QuotesCsv) {
@@ -363,4 +342,4 @@ TEST(FormatTable, JsonHasObjectsOfWhatIsKnown) {
 }
 
 }  // namespace
-}  // namespace volalign::table_test
+}  // namespace volalign::json_archive_test

@@ -8,7 +8,6 @@
 
 #include <filesystem>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
@@ -69,10 +68,9 @@ TEST(ExportOnnx, RunsByOtherRuntimes) {
         ExportOnnx(checkpoint, folder / (name + precision + ".onnx"), half);
         ExportTorchScript(checkpoint, folder / (name + precision + ".ts"), half);
       }
-      for (std::size_t i = 0; i < depths.size(); ++i) {
+      for (std::size_t i = 0; i < depths.size(); ++i)
         testing_nn::WriteValues(folder.path(), fmt::format("{}.expected{}", name, i),
                                 net->forward(EncodeDepth(depths[i], input)));
-      }
     }
   }
   EXPECT_EQ(

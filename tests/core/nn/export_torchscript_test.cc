@@ -49,7 +49,7 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
       ExportTorchScript(folder / "model.safetensors", folder / "model.ts");
       torch::jit::ExtraFilesMap extra{{"volalign.json", ""}};
       torch::jit::Module script = torch::jit::load((folder / "model.ts").string(), at::kCPU, extra);
-      EXPECT_NE(extra["volalign.json"].find("\"top/front\""), std::string::npos);
+      EXPECT_TRUE(Has(extra["volalign.json"], "\"top/front\""));
       net->eval();
       const std::vector<std::pair<int, int>> sizes = {{16, 16}, {45, 80}, {33, 47}, {144, 160}};
       for (const auto& [height, width] : sizes) {

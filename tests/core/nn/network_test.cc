@@ -11,11 +11,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <set>
 #include <string>
 
 #include "core/base/error.h"
+#include "core/model/paper_units.h"
+#include "core/nn/checkpoint.h"
 #include "core/nn/paper_net.h"
+#include "tests/core/base/expect_error.h"
 
 namespace volalign::network_test {
 namespace {
@@ -74,8 +78,7 @@ TEST(StructureNet, NamesEveryParameterAfterItsLayer) {
   }
   EXPECT_EQ(names.count("encoder1_1.bias"), 0u);
   EXPECT_EQ(net->named_buffers().size(), 33u * 2);
-  EXPECT_NE(net->prettyString().find("encoder1_2   5x5 2 -> 4"), std::string::npos)
-      << net->prettyString();
+  EXPECT_TRUE(Has(net->prettyString(), "encoder1_2   5x5 2 -> 4"));
 }
 
 TEST(StructureNet, GivesLogProbabilitiesForOddSizes) {
@@ -240,13 +243,7 @@ class EvenNet : public StructureNetImpl {
 TEST(RegisterNetwork, MakesAKindOfNetwork) {
   StructureNetOptions options = Small();
   options.kind = "even";
-  try {
-    const StructureNet unknown(options);
-    FAIL() << "a kind that nobody registered";
-  } catch (const ConfigError& error) {
-    EXPECT_NE(std::string(error.what()).find("model.kind = 'even'"), std::string::npos)
-        << error.what();
-  }
+  ExpectError<ConfigError>([&] { StructureNet{options}; }, {"model.kind = 'even'"});
   RegisterNetwork("even",
                   [](const StructureNetOptions& o) { return std::make_shared<EvenNet>(o); });
   StructureNet net(options);
@@ -256,6 +253,24 @@ TEST(RegisterNetwork, MakesAKindOfNetwork) {
   EXPECT_THROW(RegisterNetwork("even", nullptr), Error);
   EXPECT_THROW(RegisterNetwork("paper", nullptr), Error);
   EXPECT_FALSE(options == Small());
+}
+
+TEST(PaperNetShapes, AreThoseOfTheNetwork) {
+  for (const Normalization normalization : AllOf(Normalization())) {
+    for (const bool all : {false, true}) {
+      StructureNetOptions options;
+      options.base_channels = 2;
+      options.residual_blocks = all ? 2 : 0;
+      options.attention = all;
+      options.input = all ? InputEncoding::kDepthMask : InputEncoding::kDepth;
+      options.normalization = normalization;
+      std::map<std::string, at::Tensor> tensors;
+      AddModuleTensors(*StructureNet(options), "", &tensors);
+      const auto shapes = PaperNetShapes(options);
+      ASSERT_EQ(shapes.size(), tensors.size());
+      for (const auto& [name, shape] : shapes) EXPECT_EQ(tensors.at(name).sizes(), shape) << name;
+    }
+  }
 }
 
 }  // namespace

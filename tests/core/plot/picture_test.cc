@@ -12,6 +12,7 @@
 #include "core/plot/picture_text.h"
 #include "core/plot/svg.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::picture_test {
 namespace {
@@ -23,9 +24,8 @@ int LargestDifference(Rgb a, Rgb b) {
 TEST(LabelColour, TheStructures21LabelsAreTold) {
   EXPECT_EQ(LabelColour(0), (Rgb{0, 0, 0}));
   for (int a = 0; a < 21; ++a) {
-    for (int b = 0; b < a; ++b) {
+    for (int b = 0; b < a; ++b)
       EXPECT_GE(LargestDifference(LabelColour(a), LabelColour(b)), 20) << a << " and " << b;
-    }
   }
 }
 
@@ -33,9 +33,8 @@ TEST(LabelColour, EveryLabelDiffersFromBackgroundAndFromItsBoxs) {
   for (int label = 1; label <= 255; ++label) {
     EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(0)), 100);
     const int box = (label - 1) / 5 * 5 + 1;
-    for (int other = box; other < label; ++other) {
+    for (int other = box; other < label; ++other)
       EXPECT_GE(LargestDifference(LabelColour(label), LabelColour(other)), 20);
-    }
   }
 }
 
@@ -45,12 +44,9 @@ TEST(ColourLabels, ColoursPixelByPixel) {
   const RgbImage picture = ColourLabels(labels);
   ASSERT_EQ(picture.width(), 5);
   ASSERT_EQ(picture.height(), 3);
-  for (int v = 0; v < 3; ++v) {
-    for (int u = 0; u < 5; ++u) EXPECT_EQ(picture(u, v), LabelColour(labels(u, v)));
-  }
-  for (int turns = 1; turns < 4; ++turns) {
+  for (const auto [u, v] : Pixels(5, 3)) EXPECT_EQ(picture(u, v), LabelColour(labels(u, v)));
+  for (int turns = 1; turns < 4; ++turns)
     EXPECT_EQ(ColourLabels(Turn(labels, turns)), Turn(picture, turns));
-  }
 }
 
 // Entries 255, 134 and 13 of the published table of 256 viridis colours (S. van der Walt and N.
@@ -110,14 +106,12 @@ TEST(Montage, PlacesPicturesInRows) {
   ASSERT_EQ(sheet.width(), 4 + 2 + 4);
   ASSERT_EQ(sheet.height(), 5 + 2 + 5);
   const Rgb background = sheet(4, 0);
-  for (int v = 0; v < sheet.height(); ++v) {
-    for (int u = 0; u < sheet.width(); ++u) {
-      Rgb expected = background;
-      if (u < 4 && v < 3) expected = {10, 0, 0};
-      if (u >= 6 && u < 8 && v < 5) expected = {20, 0, 0};
-      if (u < 4 && v >= 7) expected = {30, 0, 0};
-      EXPECT_EQ(sheet(u, v), expected) << u << ", " << v;
-    }
+  for (const auto [u, v] : Pixels(sheet)) {
+    Rgb expected = background;
+    if (u < 4 && v < 3) expected = {10, 0, 0};
+    if (u >= 6 && u < 8 && v < 5) expected = {20, 0, 0};
+    if (u < 4 && v >= 7) expected = {30, 0, 0};
+    EXPECT_EQ(sheet(u, v), expected) << u << ", " << v;
   }
   EXPECT_EQ(Montage(pictures, 3).height(), 5);
   EXPECT_EQ(Montage(pictures, 1).width(), 4);
@@ -141,12 +135,6 @@ TEST(Shelves, FillsRowsWithPicturesOfDifferentSizes) {
   EXPECT_EQ(Shelves({pictures[0]}, 2), pictures[0]);
   EXPECT_TRUE(Shelves({}, 2).empty());
 }
-
-}  // namespace
-}  // namespace volalign::picture_test
-
-namespace volalign::picture_text_test {
-namespace {
 
 /// The picture as text: '#' where it has ink.
 std::vector<std::string> Ink(const RgbImage& picture) {
@@ -197,12 +185,6 @@ TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
   EXPECT_EQ(CountCharacters("\xc3\xa9t\xc3\xa9"), 3);
 }
 
-}  // namespace
-}  // namespace volalign::picture_text_test
-
-namespace volalign::svg_test {
-namespace {
-
 TEST(Svg, IsTheseElements) {
   Svg svg(20, 10, ".a{stroke:#444}", -5);
   svg.Line({0, 1}, {2, 3.25}, "class=\"a\"");
@@ -226,10 +208,9 @@ TEST(Svg, EscapesTextsAndTitles) {
   svg.Rectangle({0, 0}, 1, 1, "", "x<y");
   svg.Polygon({{0, 0}}, "", "</polygon>");
   const std::string text = svg.Finished();
-  EXPECT_NE(text.find(">a&lt;b &amp; c&gt;d</text>"), std::string::npos) << text;
-  EXPECT_NE(text.find("<title>x&lt;y</title></rect>"), std::string::npos) << text;
-  EXPECT_NE(text.find("<title>&lt;/polygon&gt;</title></polygon>"), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, ">a&lt;b &amp; c&gt;d</text>", "<title>x&lt;y</title></rect>",
+                  "<title>&lt;/polygon&gt;</title></polygon>"));
 }
 
 }  // namespace
-}  // namespace volalign::svg_test
+}  // namespace volalign::picture_test

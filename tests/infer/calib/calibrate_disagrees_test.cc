@@ -14,12 +14,7 @@
 namespace volalign::calibrate_disagrees_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::AddSmoothError;
-using testing_infer::CalibrateRig;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 constexpr std::size_t kSensors = 6, kOdd = 2;
 
@@ -29,8 +24,7 @@ Rig Ring(const Structure& odd) {
   Rig rig{described, {}, {}};
   for (std::size_t i = 0; i < kSensors; ++i) {
     rig.structure = i == kOdd ? odd : described;
-    rig.Add("S" + std::to_string(i), RingPose(60.0 * static_cast<double>(i) + 10, 2.0, 0.4),
-            {true, 3.5});
+    rig.Add(RingPose(60.0 * static_cast<double>(i) + 10, 2.0, 0.4), {true, 3.5});
     AddNoise(&rig.frames[i].depth, 0.0015, i);
     AddSmoothError(&rig.frames[i].depth, 0.0015, 8, i);
   }

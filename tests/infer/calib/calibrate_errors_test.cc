@@ -16,14 +16,7 @@
 namespace volalign::calibrate_errors_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::AddSmoothError;
-using testing_infer::CalibrateRig;
-using testing_infer::Kinect;
-using testing_infer::KinectWithLens;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 // Quantile of chi-square with 6 degrees of freedom.
 constexpr double kChi6Of999 = 22.46;
@@ -42,8 +35,7 @@ Rig Ring(std::size_t sensors, const Intrinsics& intrinsics, double smooth_m, dou
   Rig rig{PaperStructure(), {}, {}};
   for (std::size_t i = 0; i < sensors; ++i) {
     const auto k = static_cast<double>(i);
-    rig.Add("S" + std::to_string(i),
-            RingPose(360 * k / static_cast<double>(sensors) + 7 * static_cast<double>(seed), 2.0,
+    rig.Add(RingPose(360 * k / static_cast<double>(sensors) + 7 * static_cast<double>(seed), 2.0,
                      0.3 + 0.1 * static_cast<double>(i % 3)),
             {true, 3.2}, intrinsics);
     AddNoise(&rig.frames[i].depth, 0.001, 10 * seed + i);
@@ -112,8 +104,7 @@ TEST(Errors, AFrameFromAboveHasAPoseWithItsUncertainty) {
       AddSmoothError(&rig.frames[0].depth, 0.002, 30, seed);
       rig.frames[0].quarter_turns = kAutoTurns;
       const CalibrationResult result =
-          labels ? CalibrateRig(rig)
-                 : Calibrate(std::vector<Still>{{"", rig.frames}}, rig.structure, nullptr, {});
+          labels ? CalibrateRig(rig) : CalibrateByShape(rig.frames, rig.structure);
       const FrameResult& sensor = result.sensors[0];
       ASSERT_TRUE(sensor.error.has_value()) << sensor.reason;
       // By geometry, few sides from above may be other boxes'.

@@ -7,30 +7,23 @@
 
 #include <algorithm>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_invariance_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::AddSmoothError;
-using testing_infer::CalibrateRig;
-using testing_infer::KinectWithLens;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// Four sensors in a room, none at the same height, with errors of some millimetres.
 Rig NoisyRing() {
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 4; ++i) {
-    rig.Add("S" + std::to_string(i), RingPose(25 + 85.0 * i, 1.9 + 0.1 * i, 0.2 + 0.1 * i),
-            {true, 3.5});
+    rig.Add(RingPose(25 + 85.0 * i, 1.9 + 0.1 * i, 0.2 + 0.1 * i), {true, 3.5});
     DepthImage& depth = rig.frames.back().depth;
     AddNoise(&depth, 0.001, static_cast<std::uint64_t>(i));
     AddSmoothError(&depth, 0.003, 20, static_cast<std::uint64_t>(i));
@@ -40,8 +33,7 @@ Rig NoisyRing() {
 
 Rig NoiseFreeRing() {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25 + 85.0 * i, 1.9, 0.3), {true, 3.5});
+  for (int i = 0; i < 4; ++i) rig.Add(RingPose(25 + 85.0 * i, 1.9, 0.3), {true, 3.5});
   return rig;
 }
 
@@ -112,8 +104,7 @@ TEST(Invariance, AnyOrderOfTheSensors) {
   Rig rig = NoisyRing();
   // One fails and one is weak: outcomes must stay with their sensors, too.
   std::fill(rig.frames[1].depth.begin(), rig.frames[1].depth.end(), 0.0f);
-  testing_infer::Restrict(rig.structure, &rig.labels[2],
-                          [](const Side& side) { return side.box < 2; });
+  Restrict(rig.structure, &rig.labels[2], [](const Side& side) { return side.box < 2; });
   const CalibrationResult before = CalibrateRig(rig);
   EXPECT_EQ(before.sensors[1].status, SensorStatus::kFailed);
   EXPECT_EQ(before.sensors[2].status, SensorStatus::kWeak);
@@ -155,8 +146,7 @@ TEST(Invariance, AnyTurnOfThePictures) {
       moved.linear() = pose.linear() * sensor_from_turned;
       return moved;
     });
-    EXPECT_FALSE(!(worst.translation_m < 1e-3)) << turns << ": " << worst.translation_m;
-    EXPECT_FALSE(!(worst.rotation_deg < 0.01)) << turns << ": " << worst.rotation_deg;
+    EXPECT_TRUE(Within(worst, 1e-3, 0.01)) << turns;
   }
 }
 
@@ -185,8 +175,7 @@ TEST(Invariance, AnyPlaceOfTheStructuresFrame) {
                                      [&](const Pose& pose) -> Pose { return motion * pose; });
     // What is estimated, and how loosely, is chosen among few alternatives: two that are about
     // equally probable differ by this much.
-    EXPECT_FALSE(!(worst.translation_m < 1.5e-3)) << turns << ": " << worst.translation_m;
-    EXPECT_FALSE(!(worst.rotation_deg < 0.03)) << turns << ": " << worst.rotation_deg;
+    EXPECT_TRUE(Within(worst, 1.5e-3, 0.03)) << turns;
   }
 }
 
@@ -207,8 +196,7 @@ TEST(Invariance, AnyUnitOfLength) {
       longer.translation() *= scale;
       return longer;
     });
-    EXPECT_FALSE(!(worst.translation_m < 5e-4)) << scale << ": " << worst.translation_m;
-    EXPECT_FALSE(!(worst.rotation_deg < 0.01)) << scale << ": " << worst.rotation_deg;
+    EXPECT_TRUE(Within(worst, 5e-4, 0.01)) << scale;
     for (const FrameResult& sensor : result.sensors)
       EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
   }
@@ -219,8 +207,7 @@ TEST(Invariance, AnyUnitOfLength) {
 // on the way.
 TEST(Invariance, ALensThatIsStated) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25 + 90.0 * i), {true, 3.5}, KinectWithLens());
+  for (int i = 0; i < 4; ++i) rig.Add(RingPose(25 + 90.0 * i), {true, 3.5}, KinectWithLens());
   for (const bool stated : {true, false}) {
     CalibrateOptions options;
     if (!stated) {
@@ -234,10 +221,7 @@ TEST(Invariance, ALensThatIsStated) {
       farthest = std::max(farthest, sensor.error->translation_m);
       if (!stated) continue;
       EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
-      EXPECT_FALSE(!(sensor.error->translation_m < 1e-3))
-          << sensor.name << ": " << sensor.error->translation_m;
-      EXPECT_FALSE(!(sensor.error->rotation_deg < 0.05))
-          << sensor.name << ": " << sensor.error->rotation_deg;
+      EXPECT_TRUE(Within(*sensor.error, 1e-3, 0.05)) << sensor.name;
       EXPECT_LT(sensor.rms_to_structure_m, 1e-3) << sensor.name;
       EXPECT_LT(sensor.initial_error->translation_m, 4e-3) << sensor.name;
     }

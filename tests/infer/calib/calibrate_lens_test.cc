@@ -10,17 +10,14 @@
 #include <vector>
 
 #include "infer/calib/calibrate.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_lens_test {
 namespace {
 
-using testing_infer::CalibrateRig;
-using testing_infer::KinectWithLens;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 constexpr char kAzureKinect[] = "azure_kinect_nfov_binned";
 
@@ -29,14 +26,13 @@ constexpr char kAzureKinect[] = "azure_kinect_nfov_binned";
 Rig LensRig(std::uint64_t seed) {
   Rig rig{PaperStructure(), {}, {}};
   RandomStream random(seed, 0, "lens rig");
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < 5; ++i)
     rig.Add("K" + std::to_string(i),
             RingPose(72.0 * i + random.Normal(0, 8), 2.0, 0.3 + 0.1 * (i % 3)), {true, 3.2},
             KinectWithLens());
-  }
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-    testing_infer::AddNoise(&rig.frames[i].depth, 0.001, 100 * seed + i);
-    testing_infer::AddSmoothError(&rig.frames[i].depth, 0.0015, 40, 100 * seed + i);
+    AddNoise(&rig.frames[i].depth, 0.001, 100 * seed + i);
+    AddSmoothError(&rig.frames[i].depth, 0.0015, 40, 100 * seed + i);
   }
   return rig;
 }
@@ -124,7 +120,7 @@ TEST(CalibrateLens, ALensThatIsSeenButNotEstimatedIsNamed) {
   for (const FrameResult& sensor : result.sensors) {
     EXPECT_EQ(sensor.status, SensorStatus::kWeak);
     EXPECT_EQ(sensor.code, SensorCode::kLensSuspect) << ToString(sensor.code);
-    EXPECT_NE(sensor.reason.find(" mm"), std::string::npos) << sensor.reason;
+    EXPECT_TRUE(Has(sensor.reason, " mm"));
     EXPECT_TRUE(sensor.intrinsics.distortion.empty());
     EXPECT_EQ(sensor.lens.source, LensSource::kGiven);
   }
@@ -142,7 +138,7 @@ TEST(CalibrateLens, AWrongStatementIsNamed) {
 }
 
 /// Labels nothing of one depth map until it has been asked about it once.
-class BlindAtFirst : public testing_infer::StoredSegmenter {
+class BlindAtFirst : public StoredSegmenter {
  public:
   using StoredSegmenter::Segment;
   explicit BlindAtFirst(const DepthImage& depth) : depth_(depth) {}
@@ -151,7 +147,7 @@ class BlindAtFirst : public testing_infer::StoredSegmenter {
     std::vector<SegmentationResult> results = StoredSegmenter::Segment(requests);
     for (std::size_t i = 0; i < requests.size(); ++i) {
       if (!(*requests[i].depth == depth_) || asked_++ > 0) continue;
-      results[i] = testing_infer::Certain(LabelImage(depth_.width(), depth_.height()));
+      results[i] = Certain(LabelImage(depth_.width(), depth_.height()));
     }
     return results;
   }
@@ -165,14 +161,14 @@ class BlindAtFirst : public testing_infer::StoredSegmenter {
 // solution finds it.
 TEST(CalibrateLens, AFrameWithoutAPoseThroughTheAssumedLensIsTriedThroughTheOneThatIsFound) {
   Rig rig{PaperStructure(), {}, {}};
-  Intrinsics lens = testing_infer::Kinect();
+  Intrinsics lens = Kinect();
   lens.distortion = {0.03, -0.27, 0, 0, 0.10};
   for (int i = 0; i < 4; ++i)
     rig.Add("K" + std::to_string(i), RingPose(90.0 * i + 40, 1.6, 0.4), {false}, lens);
   rig = WithoutDistortion(std::move(rig), "kinect_v2");
   BlindAtFirst segmenter(rig.frames[3].depth);
   for (std::size_t i = 0; i < rig.frames.size(); ++i)
-    segmenter.Store(rig.frames[i].depth, testing_infer::Certain(rig.labels[i]));
+    segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
   CalibrateOptions options;
   options.initial.method = PoseMethod::kNetwork;
   const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
@@ -183,13 +179,12 @@ TEST(CalibrateLens, AFrameWithoutAPoseThroughTheAssumedLensIsTriedThroughTheOneT
 
 TEST(CalibrateLens, APinholeIsNotTakenForALens) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25 + 90.0 * i), {true, 3.5});
+  for (int i = 0; i < 4; ++i) rig.Add(RingPose(25 + 90.0 * i), {true, 3.5});
   for (std::size_t i = 0; i < rig.frames.size(); ++i)
-    testing_infer::AddSmoothError(&rig.frames[i].depth, 0.003, 40, i);
+    AddSmoothError(&rig.frames[i].depth, 0.003, 40, i);
   for (const FrameResult& sensor : CalibrateRig(rig).sensors) {
     EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
-    EXPECT_TRUE(sensor.intrinsics == testing_infer::Kinect()) << sensor.name;
+    EXPECT_TRUE(sensor.intrinsics == Kinect()) << sensor.name;
   }
 }
 

@@ -5,37 +5,25 @@
 
 #include <algorithm>
 #include <string>
-#include <vector>
 
 #include "infer/calib/calibrate.h"
 #include "infer/initial/aliases.h"
 #include "infer/report/report.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_situations_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::AddSmoothError;
-using testing_infer::CalibrateRig;
-using testing_infer::Certain;
-using testing_infer::FlipFrame;
-using testing_infer::LeaveGaps;
-using testing_infer::PaperStructure;
-using testing_infer::Restrict;
-using testing_infer::Rig;
-using testing_infer::RingPose;
-using testing_infer::Scene;
-using testing_infer::StoredSegmenter;
+using namespace testing_infer;
 
 void ExpectPlaced(const FrameResult& sensor, double metres, double degrees) {
   ASSERT_TRUE(sensor.error.has_value())
       << sensor.name << ": " << ToString(sensor.code) << ", " << sensor.reason;
-  EXPECT_FALSE(!(sensor.error->translation_m < metres))
-      << sensor.name << ": " << sensor.error->translation_m;
-  EXPECT_FALSE(!(sensor.error->rotation_deg < degrees))
-      << sensor.name << ": " << sensor.error->rotation_deg;
+  EXPECT_TRUE(Within(*sensor.error, metres, degrees)) << sensor.name;
 }
 
 // Straight before the four sides that face along +z, so low that no top is seen: nothing but their
@@ -74,8 +62,7 @@ CalibrateOptions ByLabels() {
 double ErrorWithExactBoxes(std::uint64_t seed, const std::string& estimate) {
   Rig rig{PaperStructure(), {}, {}};
   for (unsigned i = 0; i < 6; ++i) {
-    rig.Add("S" + std::to_string(i), RingPose(60.0 * i + 17 * static_cast<double>(seed), 2.0, 0.3),
-            {true, 3.5});
+    rig.Add(RingPose(60.0 * i + 17 * static_cast<double>(seed), 2.0, 0.3), {true, 3.5});
     AddNoise(&rig.frames[i].depth, 0.001, seed + i);
     AddSmoothError(&rig.frames[i].depth, 0.001, 6, seed + i);
   }
@@ -99,8 +86,7 @@ TEST(ExactBoxes, CostNothingWhereMoreIsEstimated) {
 /// Three sensors, and one whose network marks so few sides that they fix no pose.
 Rig WithLostSensor(int k, const Scene& scene) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 3; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i + 10 * k), scene);
+  for (int i = 0; i < 3; ++i) rig.Add(RingPose(25.0 + 110 * i + 10 * k), scene);
   rig.Add("S3", RingPose(90, 2.0, 0.3, 90, Eigen::Vector3d(k % 2 ? 0.6 : -1.1, 0, 0)), scene);
   Restrict(rig.structure, &rig.labels[3], [&](const Side& side) {
     if (k == 2) return side.name == "mid_top/right";
@@ -121,7 +107,7 @@ TEST(Neighbours, PlaceASensorThatSeesTooFewSides) {
     const FrameResult& lost = result.sensors[3];
     EXPECT_EQ(lost.status, SensorStatus::kWeak);
     EXPECT_EQ(lost.code, SensorCode::kByNeighbours) << ToString(lost.code) << lost.reason;
-    EXPECT_NE(lost.reason.find("S0, S1, S2"), std::string::npos) << lost.reason;
+    EXPECT_TRUE(Has(lost.reason, "S0, S1, S2"));
     EXPECT_FALSE(lost.hint.empty());
     ExpectPlaced(lost, 0.008, 0.2);
     EXPECT_LT(lost.sigma_position_m().maxCoeff(), 0.03);
@@ -132,20 +118,18 @@ TEST(Neighbours, PlaceASensorThatSeesTooFewSides) {
 TEST(Neighbours, DoNotPlaceASensorThatCouldSlide) {
   Rig rig = WithLostSensor(2, {true, 3.5});
   SensorFrame& frame = rig.frames[3];
-  const auto label = testing_infer::LabelOf(rig.structure, "mid_top/right");
+  const auto label = LabelOf(rig.structure, "mid_top/right");
   const Side& side = rig.structure.SideOfLabel(label);
   const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
   int left = 0;
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v) - side.centre;
-      const bool inside = rig.labels[3](u, v) == label &&
-                          Eigen::Vector2d(side.axis_u.dot(p), side.axis_v.dot(p)).norm() < 0.15;
-      left += inside ? 1 : 0;
-      if (inside) continue;
-      frame.depth(u, v) = 0;
-      rig.labels[3](u, v) = 0;
-    }
+  for (const auto [u, v] : Pixels(view)) {
+    const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v) - side.centre;
+    const bool inside = rig.labels[3](u, v) == label &&
+                        Eigen::Vector2d(side.axis_u.dot(p), side.axis_v.dot(p)).norm() < 0.15;
+    left += inside ? 1 : 0;
+    if (inside) continue;
+    frame.depth(u, v) = 0;
+    rig.labels[3](u, v) = 0;
   }
   ASSERT_GT(left, 1000);
   const CalibrationResult result = CalibrateRig(rig);
@@ -180,18 +164,16 @@ Rig WithoutFloor(double wall, int k, int floor, int upright = 0) {
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 6; ++i) {
     const bool sees_floor = i < floor;
-    rig.Add("S" + std::to_string(i),
-            RingPose(20 + 60.0 * i + 17 * k, 1.9 + 0.1 * (i % 3), 0.2 + 0.1 * (i % 4),
+    rig.Add(RingPose(20 + 60.0 * i + 17 * k, 1.9 + 0.1 * (i % 3), 0.2 + 0.1 * (i % 4),
                      i < upright ? 0 : 90),
             {sees_floor, wall});
     SensorFrame& frame = rig.frames.back();
     frame.quarter_turns = kAutoTurns;
     const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
-    for (int v = 0; v < view.height() && !sees_floor; ++v) {
-      for (int u = 0; u < view.width(); ++u) {
-        const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
-        if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.6) frame.depth(u, v) = 0;
-      }
+    for (const auto [u, v] : Pixels(view)) {
+      if (sees_floor) break;
+      const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
+      if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.6) frame.depth(u, v) = 0;
     }
   }
   return rig;
@@ -233,9 +215,8 @@ TEST(OneUpForTheRig, WhatMayContradictTheOthersIsNotPlaced) {
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
     if (i < 2) {
       EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
-      EXPECT_NE(sensor.reason.find("agrees with the other sensors"), std::string::npos)
-          << sensor.reason;
-      EXPECT_NE(sensor.hint.find("quarter_turns"), std::string::npos) << sensor.hint;
+      EXPECT_TRUE(Has(sensor.reason, "agrees with the other sensors"));
+      EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
     } else {
       ExpectPlaced(sensor, 0.015, 0.2);
     }
@@ -254,7 +235,7 @@ TEST(OneUpForTheRig, AFloorThatOthersSeeSettlesIt) {
 Rig ThreeInARoom(int k) {
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 3; ++i) {
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 120 * i + 13 * k), {true, 3.5});
+    rig.Add(RingPose(25.0 + 120 * i + 13 * k), {true, 3.5});
     AddNoise(&rig.frames.back().depth, 0.002, static_cast<unsigned>(i));
   }
   return rig;
@@ -266,15 +247,14 @@ TEST(MirroredFrames, AllOfThemMayAlsoBeTheStack) {
   const CalibrationResult result = CalibrateRig(rig);
   for (const FrameResult& sensor : result.sensors) {
     EXPECT_EQ(sensor.code, SensorCode::kAssemblyMirrored) << sensor.reason;
-    EXPECT_NE(sensor.hint.find("if it is the stack"), std::string::npos) << sensor.hint;
-    EXPECT_NE(sensor.hint.find("if it is the frames"), std::string::npos) << sensor.hint;
+    EXPECT_TRUE(Has(sensor.hint, "if it is the stack", "if it is the frames"));
   }
   const std::string report = FormatReport(result);
   const std::string sentence = ": that explains";
   const std::size_t first = report.find(sentence);
   ASSERT_NE(first, std::string::npos) << report;
   EXPECT_EQ(report.find(sentence, first + 1), std::string::npos) << "said once for all\n" << report;
-  EXPECT_NE(report.find("S0, S1, S2 failed"), std::string::npos) << report;
+  EXPECT_TRUE(Has(report, "S0, S1, S2 failed"));
 }
 
 TEST(MirroredFrames, SomeOfThemAreNamedAndTheOthersPlaced) {

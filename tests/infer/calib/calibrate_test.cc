@@ -11,37 +11,26 @@
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/long_tests.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Restrict;
-using testing_infer::Rig;
-using testing_infer::RingOfEight;
-using testing_infer::RingPose;
-using testing_infer::StoredSegmenter;
-using testing_infer::ThreeSensors;
+using namespace testing_infer;
 
 TEST(Calibrate, NoiseFreeRingOfEightIsExact) {
   const Rig rig = RingOfEight();
-  StoredSegmenter segmenter = rig.PerfectSegmenter();
-  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
+  const CalibrationResult result = CalibrateRig(rig);
   ASSERT_EQ(result.sensors.size(), 8u);
   EXPECT_EQ(result.verdict(), SensorStatus::kOk);
   EXPECT_EQ(result.placed(), 8);
   for (const FrameResult& sensor : result.sensors) {
     ASSERT_TRUE(sensor.error.has_value());
     // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
-    EXPECT_FALSE(!(sensor.error->translation_m < 1.5e-3))
-        << sensor.name << ": " << sensor.error->translation_m;
-    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.05))
-        << sensor.name << ": " << sensor.error->rotation_deg;
+    EXPECT_TRUE(Within(*sensor.error, 1.5e-3, 0.05)) << sensor.name;
     EXPECT_LT(sensor.rms_to_structure_m, 1e-3);
     EXPECT_GT(sensor.inlier_share, 0.999);
     EXPECT_GT(sensor.label_iou, 0.98);
@@ -71,10 +60,7 @@ TEST(Calibrate, NoiseAndWrongLabelsCostMillimetres) {
   const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter);
   for (const FrameResult& sensor : result.sensors) {
     ASSERT_TRUE(sensor.error.has_value()) << sensor.name << " " << sensor.reason;
-    EXPECT_FALSE(!(sensor.error->translation_m < 0.01))
-        << sensor.name << ": " << sensor.error->translation_m;
-    EXPECT_FALSE(!(sensor.error->rotation_deg < 0.2))
-        << sensor.name << ": " << sensor.error->rotation_deg;
+    EXPECT_TRUE(Within(*sensor.error, 0.01, 0.2)) << sensor.name;
   }
 }
 
@@ -91,14 +77,12 @@ TEST(Calibrate, ASensorThatCannotBePlacedLeavesTheOthersAlone) {
     return side.name == "mid_bottom/front" || side.name == "mid_top/front" ||
            side.name == "top/front";
   });
-  const auto away =
-      testing_infer::Render(rig.structure, Kinect(), RingPose(0, 2.0, 0.4, 90, {5, 0, 0}));
+  const auto away = Render(rig.structure, Kinect(), RingPose(0, 2.0, 0.4, 90, {5, 0, 0}));
   rig.frames[3].depth = away.depth;
   rig.labels[3] = away.labels;
-  StoredSegmenter segmenter = rig.PerfectSegmenter();
   CalibrateOptions options;
   options.refine.max_overlap_points = 0;  // by which S2 would be placed
-  const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+  const CalibrationResult result = CalibrateRig(rig, options);
   EXPECT_EQ(result.placed(), 2);
   EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
   const std::vector<SensorCode> codes = {SensorCode::kNone, SensorCode::kNoDepth,
@@ -122,32 +106,28 @@ TEST(Calibrate, ASensorThatCannotBePlacedLeavesTheOthersAlone) {
 TEST(LabelsFromPose, AreTheRenderedOnesWhereDepthAgrees) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
-  auto frame = testing_infer::Render(structure, Kinect(), pose);
+  auto frame = Render(structure, Kinect(), pose);
   // Something 20 cm in front hides a corner; elsewhere the depth is 3 cm off, which is near enough.
   int hidden = 0;
-  for (int v = 0; v < frame.depth.height(); ++v) {
-    for (int u = 0; u < frame.depth.width(); ++u) {
-      if (frame.labels(u, v) == 0) continue;
-      const bool in_front = u < 150;
-      frame.depth(u, v) -= in_front ? 0.2f : 0.03f;
-      hidden += in_front;
-    }
+  for (const auto [u, v] : Pixels(frame.depth)) {
+    if (frame.labels(u, v) == 0) continue;
+    const bool in_front = u < 150;
+    frame.depth(u, v) -= in_front ? 0.2f : 0.03f;
+    hidden += in_front;
   }
   ASSERT_GT(hidden, 100);
   const SegmentationResult seen = LabelsFromPose(MakeSensorView(frame.depth, Kinect()), structure,
                                                  pose, SurfaceTolerance::AtPose(ErrorsOf("")));
   int missing = 0;
-  for (int v = 0; v < frame.depth.height(); ++v) {
-    for (int u = 0; u < frame.depth.width(); ++u) {
-      const int label = seen.labels(u, v);
-      EXPECT_EQ(seen.confidence(u, v), label > 0 ? 1 : 0);
-      if (u < 150) {
-        EXPECT_EQ(label, 0);
-      } else if (label != frame.labels(u, v)) {
-        // Only within 3 cm of the end of a side, where the nearer point has left it sideways.
-        EXPECT_EQ(label, 0);
-        ++missing;
-      }
+  for (const auto [u, v] : Pixels(frame.depth)) {
+    const int label = seen.labels(u, v);
+    EXPECT_EQ(seen.confidence(u, v), label > 0 ? 1 : 0);
+    if (u < 150) {
+      EXPECT_EQ(label, 0);
+    } else if (label != frame.labels(u, v)) {
+      // Only within 3 cm of the end of a side, where the nearer point has left it sideways.
+      EXPECT_EQ(label, 0);
+      ++missing;
     }
   }
   EXPECT_LT(missing, 200);
@@ -165,11 +145,10 @@ TEST(Calibrate, DegenerateSetsOfSidesAreRecognised) {
     Restrict(rig.structure, &rig.labels[0], [&](const Side& side) {
       return std::find(set.begin(), set.end(), side.name) != set.end();
     });
-    StoredSegmenter segmenter = rig.PerfectSegmenter();
     // Geometry would see the others.
     CalibrateOptions options;
     options.initial.method = PoseMethod::kNetwork;
-    const CalibrationResult result = Calibrate(rig.frames, rig.structure, segmenter, options);
+    const CalibrationResult result = CalibrateRig(rig, options);
     EXPECT_EQ(result.sensors[0].code, SensorCode::kDegenerateSides)
         << set[0] << ": " << result.sensors[0].reason;
     EXPECT_FALSE(result.metrics.has_value());
@@ -220,8 +199,8 @@ FakeRoom MakeFakeRoom(const Structure& structure, std::uint64_t seed) {
     boxes.push_back(box);
   }
   const Structure clutter = Structure::FromBoxes("clutter", boxes);
-  const auto view = testing_infer::Render(clutter, Kinect(),
-                                          RingPose(random.Uniform(0, 360), 2.5, 0.4), {true, 4});
+  const auto view =
+      Render(clutter, Kinect(), RingPose(random.Uniform(0, 360), 2.5, 0.4), {true, 4});
   FakeRoom room{view.depth, Certain(LabelImage(view.depth.width(), view.depth.height()))};
   // Each visible face gets one side's label, with the right orientation more often than not.
   std::vector<int> given(static_cast<std::size_t>(clutter.num_classes()), 0);
@@ -297,7 +276,7 @@ TEST(Calibrate, AutoTakesTheTurnThatAgreesWithFewPasses) {
     for (int turn = 0; turn < 4; ++turn) {
       Rig rig{PaperStructure(), {}, {}};
       for (int i = 0; i < 4; ++i) {
-        rig.Add("S" + std::to_string(i), RingPose(130 + 80.0 * i), {floor, 0});
+        rig.Add(RingPose(130 + 80.0 * i), {floor, 0});
         rig.frames.back().quarter_turns = kAutoTurns;
       }
       OneTurnSegmenter segmenter(rig, turn);
@@ -330,8 +309,7 @@ void ExpectFailed(const FrameResult& sensor, SensorCode code,
   EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
   EXPECT_EQ(sensor.code, code) << sensor.name << ": " << sensor.reason;
   EXPECT_FALSE(sensor.hint.empty()) << sensor.name;
-  for (const std::string& part : parts)
-    EXPECT_NE(sensor.reason.find(part), std::string::npos) << sensor.reason;
+  for (const std::string& part : parts) EXPECT_TRUE(Has(sensor.reason, part));
 }
 
 /// Three sides in a line, cut off by the right or left border of the scene as a person sees it.
@@ -351,9 +329,7 @@ TEST(FailureClasses, ACutOffStructureSaysWhereToTurn) {
         rig, [](SensorFrame*) {}, options);
     ExpectFailed(result.sensors[3], SensorCode::kDegenerateSides, {"sides"});
     const std::string& hint = result.sensors[3].hint;
-    EXPECT_NE(hint.find(right ? "turn the sensor to the right" : "turn the sensor to the left"),
-              std::string::npos)
-        << hint;
+    EXPECT_TRUE(Has(hint, right ? "turn the sensor to the right" : "turn the sensor to the left"));
   }
 }
 
@@ -392,10 +368,9 @@ TEST(FailureClasses, WrongFocalLength) {
 }
 
 TEST(FailureClasses, PrincipalPointOfTheOtherOrientation) {
-  const Intrinsics wide = testing_infer::WideIntrinsics();
+  const Intrinsics wide = WideIntrinsics();
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 2; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5}, wide);
+  for (int i = 0; i < 2; ++i) rig.Add(RingPose(25.0 + 110 * i), {true, 3.5}, wide);
   const CalibrationResult result = CalibrateSpoilt(rig, [](SensorFrame* frame) {
     if (frame->name == "S1") std::swap(frame->intrinsics.cx, frame->intrinsics.cy);
   });
@@ -428,8 +403,7 @@ TEST(FailureClasses, AMirroredStack) {
   std::vector<Box> boxes = structure.boxes();
   for (Box& box : boxes) box.structure_from_box.translation().z() *= -1;
   Rig rig{Structure::FromBoxes("mirrored", boxes, structure.SideNames()), {}, {}};
-  for (int i = 0; i < 3; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  for (int i = 0; i < 3; ++i) rig.Add(RingPose(25.0 + 110 * i), {true, 3.5});
   StoredSegmenter segmenter = rig.PerfectSegmenter();
   const CalibrationResult result = Calibrate(rig.frames, structure, segmenter);
   ASSERT_TRUE(result.assembly.has_value());

@@ -9,26 +9,19 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
-#include <utility>
-#include <vector>
 
 #include "core/geometry/pose.h"
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::calibrate_weak_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::CalibrateRig;
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
-using testing_infer::Restrict;
-using testing_infer::Rig;
-using testing_infer::RingPose;
-using testing_infer::ThreeSensors;
+using namespace testing_infer;
 
 constexpr std::size_t kSpoilt = 1;  // of ThreeSensors
 
@@ -61,8 +54,7 @@ void ExpectOthersOk(const CalibrationResult& result) {
 
 /// Points of the pixels, in the structure frame, as the truth has them.
 Eigen::Vector3d TruePoint(const SensorFrame& frame, int u, int v) {
-  const Eigen::Vector2d ray =
-      testing_infer::RayThroughLens(frame.intrinsics, static_cast<double>(u), v);
+  const Eigen::Vector2d ray = RayThroughLens(frame.intrinsics, static_cast<double>(u), v);
   return *frame.ground_truth * Eigen::Vector3d(frame.depth(u, v) * ray.homogeneous());
 }
 
@@ -97,13 +89,12 @@ TEST(Weak, FewInliers) {
   const auto cupboard = static_cast<std::uint8_t>(LabelOf(rig.structure, "bottom/front"));
   const int structure = CountLabelled(labels);
   int more = static_cast<int>(0.3 / 0.7 * structure);
-  for (int v = 0; v < labels.height(); ++v) {
-    for (int u = 0; u < labels.width() && more > 0; ++u) {
-      if (labels(u, v) > 0 || !(frame.depth(u, v) > 0)) continue;
-      if (TruePoint(frame, u, v).y() < rig.structure.FloorHeight() + 0.1) continue;
-      labels(u, v) = cupboard;
-      --more;
-    }
+  for (const auto [u, v] : Pixels(labels)) {
+    if (more == 0) break;
+    if (labels(u, v) > 0 || !(frame.depth(u, v) > 0)) continue;
+    if (TruePoint(frame, u, v).y() < rig.structure.FloorHeight() + 0.1) continue;
+    labels(u, v) = cupboard;
+    --more;
   }
   ASSERT_EQ(more, 0);
   const CalibrationResult result = CalibrateRig(rig);
@@ -123,24 +114,20 @@ TEST(Weak, LargeResidual) {
   const LabelImage& labels = rig.labels[kSpoilt];
   const int side = LabelOf(rig.structure, "mid_top/right");
   int first = frame.depth.height(), last = 0;  // rows of the side
-  for (int v = 0; v < labels.height(); ++v) {
-    for (int u = 0; u < labels.width(); ++u) {
-      if (labels(u, v) != side) continue;
-      first = std::min(first, v);
-      last = v;
-    }
+  for (const auto [u, v] : Pixels(labels)) {
+    if (labels(u, v) != side) continue;
+    first = std::min(first, v);
+    last = v;
   }
   double squares = 0;
   int near = 0;
-  for (int v = 0; v < labels.height(); ++v) {
-    for (int u = 0; u < labels.width(); ++u) {
-      if (labels(u, v) == 0) continue;
-      if (labels(u, v) == side && 2 * v < first + last) frame.depth(u, v) -= 0.125f;
-      const double distance = DistanceToSurface(rig.structure, TruePoint(frame, u, v)).distance;
-      if (distance >= 0.1) continue;
-      squares += distance * distance;
-      ++near;
-    }
+  for (const auto [u, v] : Pixels(labels)) {
+    if (labels(u, v) == 0) continue;
+    if (labels(u, v) == side && 2 * v < first + last) frame.depth(u, v) -= 0.125f;
+    const double distance = DistanceToSurface(rig.structure, TruePoint(frame, u, v)).distance;
+    if (distance >= 0.1) continue;
+    squares += distance * distance;
+    ++near;
   }
   const CalibrationResult result = CalibrateRig(rig);
   const FrameResult& sensor = result.sensors[kSpoilt];
@@ -190,12 +177,10 @@ TEST(Weak, Uncertain) {
     Rig rig{PaperStructure(), {}, {}};
     rig.Add("S", RingPose(45, gap ? 4 : 3.8, 0.9), {true, 6});
     SensorFrame& frame = rig.frames[0];
-    for (int v = 0; v < frame.depth.height(); ++v) {
-      for (int u = 0; u < frame.depth.width(); ++u) {
-        if (!gap || TruePoint(frame, u, v).y() > 0.52) continue;
-        frame.depth(u, v) = 0;
-        rig.labels[0](u, v) = 0;
-      }
+    for (const auto [u, v] : Pixels(frame.depth)) {
+      if (!gap || TruePoint(frame, u, v).y() > 0.52) continue;
+      frame.depth(u, v) = 0;
+      rig.labels[0](u, v) = 0;
     }
     AddNoise(&frame.depth, 0.004, 3);
     const FrameResult sensor = CalibrateRig(rig).sensors[0];
@@ -230,11 +215,11 @@ TEST(Weak, DuplicateDepth) {
   rig.labels[1] = rig.labels[0];
   const CalibrationResult result = CalibrateRig(rig);
   ExpectWeak(result.sensors[0], SensorCode::kDuplicateDepth);
-  EXPECT_NE(result.sensors[0].reason.find("S1"), std::string::npos) << result.sensors[0].reason;
+  EXPECT_TRUE(Has(result.sensors[0].reason, "S1"));
   EXPECT_LT(result.sensors[0].error->translation_m, 3e-3);
   EXPECT_EQ(result.sensors[1].status, SensorStatus::kFailed);
   EXPECT_EQ(result.sensors[1].code, SensorCode::kDuplicateDepth);
-  EXPECT_NE(result.sensors[1].reason.find("S0"), std::string::npos) << result.sensors[1].reason;
+  EXPECT_TRUE(Has(result.sensors[1].reason, "S0"));
   ExpectOk(result.sensors[2]);
 }
 
@@ -286,8 +271,8 @@ TEST(Weak, Ambiguous) {
       continue;
     }
     ExpectWeak(sensor, SensorCode::kAmbiguous);
-    EXPECT_NE(sensor.reason.find("upside down"), std::string::npos) << sensor.reason;
-    EXPECT_NE(sensor.hint.find("quarter_turns"), std::string::npos) << sensor.hint;
+    EXPECT_TRUE(Has(sensor.reason, "upside down"));
+    EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
   }
 }
 

@@ -12,15 +12,15 @@
 
 #include "core/base/random.h"
 #include "infer/report/report.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::hypotheses_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 Structure Boxes() {
   return Structure::FromBoxes("own",
@@ -34,21 +34,16 @@ const Rig& Four() {
   static const Rig rig = [] {
     Rig made{Boxes(), {}, {}};
     for (int i = 0; i < 4; ++i) {
-      Intrinsics intrinsics = testing_infer::Kinect();
+      Intrinsics intrinsics = Kinect();
       intrinsics.cx += 6 * (i - 1);
       intrinsics.cy -= 5 * (i - 1);
-      made.Add("S" + std::to_string(i), RingPose(30.0 + 85 * i, 2.0, 1.1, 90, {0, 0.4, 0}),
-               {true, 3.0}, intrinsics);
+      made.Add(RingPose(30.0 + 85 * i, 2.0, 1.1, 90, {0, 0.4, 0}), {true, 3.0}, intrinsics);
       AddNoise(&made.frames.back().depth, 0.003, static_cast<std::uint64_t>(i));
       made.frames.back().quarter_turns = kAutoTurns;
     }
     return made;
   }();
   return rig;
-}
-
-CalibrationResult ByShape(const std::vector<SensorFrame>& frames, const Structure& structure) {
-  return Calibrate(std::vector<Still>{{"", frames}}, structure, nullptr, CalibrateOptions());
 }
 
 const RigFinding* Find(const CalibrationResult& result, RigCode code) {
@@ -65,20 +60,20 @@ std::vector<SensorFrame> Scaled(std::vector<SensorFrame> frames, float factor) {
 }
 
 TEST(Hypotheses, NothingIsSaidOfARigThatIsAsDescribed) {
-  const CalibrationResult result = ByShape(Four().frames, Four().structure);
+  const CalibrationResult result = CalibrateByShape(Four().frames, Four().structure);
   EXPECT_TRUE(result.findings.empty()) << FormatReport(result);
   EXPECT_EQ(result.verdict(), SensorStatus::kOk) << FormatReport(result);
 }
 
 // Two percent of depth_scale make 40 mm of the sensors' positions.
 TEST(Hypotheses, ASizeFarOffItsPriorMakesTheRigWeak) {
-  const CalibrationResult result = ByShape(Scaled(Four().frames, 1.03f), Four().structure);
+  const CalibrationResult result = CalibrateByShape(Scaled(Four().frames, 1.03f), Four().structure);
   const RigFinding* size = Find(result, RigCode::kSizeOff);
   ASSERT_NE(size, nullptr) << FormatReport(result);
-  EXPECT_NE(size->reason.find("size of all boxes comes out +"), std::string::npos) << size->reason;
-  EXPECT_NE(size->hint.find("depth_scale"), std::string::npos) << size->hint;
+  EXPECT_TRUE(Has(size->reason, "size of all boxes comes out +"));
+  EXPECT_TRUE(Has(size->hint, "depth_scale"));
   EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
-  EXPECT_NE(FormatReport(result).find("the rig is in doubt (size_off)"), std::string::npos);
+  EXPECT_TRUE(Has(FormatReport(result), "the rig is in doubt (size_off)"));
 }
 
 TEST(Hypotheses, OneBoxOfAnotherHeightIsNamed) {
@@ -87,12 +82,11 @@ TEST(Hypotheses, OneBoxOfAnotherHeightIsNamed) {
   boxes[1].structure_from_box.translation().y() += 0.01;
   boxes[2].structure_from_box.translation().y() += 0.02;
   const CalibrationResult result =
-      ByShape(Four().frames, Structure::FromBoxes("own", std::move(boxes)));
+      CalibrateByShape(Four().frames, Structure::FromBoxes("own", std::move(boxes)));
   const RigFinding* box = Find(result, RigCode::kBoxOff);
   ASSERT_NE(box, nullptr) << FormatReport(result);
   EXPECT_EQ(box->about, std::vector<std::string>{"middle"});
-  EXPECT_NE(box->reason.find("the height of box middle is"), std::string::npos) << box->reason;
-  EXPECT_NE(box->reason.find("mm less than described"), std::string::npos) << box->reason;
+  EXPECT_TRUE(Has(box->reason, "the height of box middle is", "mm less than described"));
   EXPECT_EQ(Find(result, RigCode::kSizeOff), nullptr) << FormatReport(result);
 }
 
@@ -101,7 +95,7 @@ TEST(Hypotheses, TheDepthScaleAtWhichTheStructureIsFound) {
   for (const float factor : {1.2f, 5.0f}) {
     std::vector<SensorFrame> frames = Scaled(Four().frames, factor);
     frames.resize(2);
-    const CalibrationResult result = ByShape(frames, Four().structure);
+    const CalibrationResult result = CalibrateByShape(frames, Four().structure);
     EXPECT_EQ(result.placed(), 0) << factor;
     const RigFinding* scale = Find(result, RigCode::kDepthScale);
     ASSERT_NE(scale, nullptr) << FormatReport(result);
@@ -111,14 +105,16 @@ TEST(Hypotheses, TheDepthScaleAtWhichTheStructureIsFound) {
     EXPECT_NEAR(advised * static_cast<double>(factor), 0.001, 0.00002) << scale->hint;
     // The advice, once followed.
     EXPECT_EQ(
-        ByShape(Scaled(frames, static_cast<float>(advised / 0.001)), Four().structure).placed(), 2);
+        CalibrateByShape(Scaled(frames, static_cast<float>(advised / 0.001)), Four().structure)
+            .placed(),
+        2);
   }
 }
 
 TEST(Hypotheses, ExchangedDepthFiles) {
   std::vector<SensorFrame> frames = Four().frames;
   std::swap(frames[0].depth, frames[3].depth);
-  const CalibrationResult result = ByShape(frames, Four().structure);
+  const CalibrationResult result = CalibrateByShape(frames, Four().structure);
   ASSERT_FALSE(result.findings.empty()) << FormatReport(result);
   EXPECT_EQ(result.findings.front().code, RigCode::kFilesExchanged) << FormatReport(result);
   EXPECT_EQ(result.findings.front().about, (std::vector<std::string>{"S0", "S3"}));
@@ -157,7 +153,7 @@ TEST(Hypotheses, ADepthThatStandsForNothingIsNone) {
       if (i % 7 < 2) frame.depth[i] = 65.535f;
     }
   }
-  const CalibrationResult result = ByShape(frames, Four().structure);
+  const CalibrationResult result = CalibrateByShape(frames, Four().structure);
   EXPECT_EQ(result.verdict(), SensorStatus::kOk) << FormatReport(result);
 }
 
@@ -169,15 +165,14 @@ TEST(Hypotheses, AnImplausibleFocalLengthIsTheFirstSuspicion) {
     frame.sensor = "azure_kinect_nfov_binned";
     if (frame.name != "S3") frame.intrinsics.fx = frame.intrinsics.fy = 504;
   }
-  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors) {
+  for (const FrameResult& sensor : CalibrateByShape(frames, Four().structure).sensors) {
     EXPECT_NE(sensor.status, SensorStatus::kOk);
     EXPECT_EQ(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.reason;
-    EXPECT_NE(sensor.reason.find(sensor.name == "S3"
-                                     ? "3 of 4 sensors of this rig have other intrinsics"
-                                     : "its fx is 504 px, and a azure_kinect_nfov_binned has about "
-                                       "252"),
-              std::string::npos)
-        << sensor.reason;
+    EXPECT_TRUE(
+        Has(sensor.reason, sensor.name == "S3"
+                               ? "3 of 4 sensors of this rig have other intrinsics"
+                               : "its fx is 504 px, and a azure_kinect_nfov_binned has about "
+                                 "252"));
   }
 }
 
@@ -187,22 +182,20 @@ TEST(Hypotheses, IntrinsicsOfFramesBeforeTheyWereCropped) {
   for (SensorFrame& frame : frames) {
     frame.sensor = "azure_kinect_nfov_binned";
     DepthImage part(frame.depth.width() - 40, frame.depth.height() - 20);
-    for (int v = 0; v < part.height(); ++v) {
-      for (int u = 0; u < part.width(); ++u) part(u, v) = frame.depth(u + 40, v + 20);
-    }
+    for (const auto [u, v] : Pixels(part)) part(u, v) = frame.depth(u + 40, v + 20);
     frame.depth = part;
     frame.intrinsics.width = part.width();
     frame.intrinsics.height = part.height();
   }
-  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors) {
+  for (const FrameResult& sensor : CalibrateByShape(frames, Four().structure).sensors) {
     EXPECT_EQ(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.name << sensor.reason;
-    EXPECT_NE(sensor.hint.find("cut off"), std::string::npos) << sensor.hint;
+    EXPECT_TRUE(Has(sensor.hint, "cut off"));
   }
   for (SensorFrame& frame : frames) {
     frame.intrinsics.cx -= 40;
     frame.intrinsics.cy -= 20;
   }
-  for (const FrameResult& sensor : ByShape(frames, Four().structure).sensors)
+  for (const FrameResult& sensor : CalibrateByShape(frames, Four().structure).sensors)
     EXPECT_NE(sensor.code, SensorCode::kIntrinsicsSuspect) << sensor.name << sensor.reason;
 }
 
@@ -213,10 +206,9 @@ TEST(Hypotheses, AFrameThatWasSpoiltIsNoBadView) {
   for (float& z : frames[0].depth) {
     if (random.Uniform(0, 1) < 0.4) z *= static_cast<float>(random.Uniform(0.2, 0.9));
   }
-  const FrameResult sensor = ByShape(frames, Four().structure).sensors[0];
+  const FrameResult sensor = CalibrateByShape(frames, Four().structure).sensors[0];
   EXPECT_NE(sensor.status, SensorStatus::kOk);
-  EXPECT_NE(sensor.hint.find("far from all that their neighbours measure"), std::string::npos)
-      << sensor.hint;
+  EXPECT_TRUE(Has(sensor.hint, "far from all that their neighbours measure"));
 }
 
 // A sensor misses depth where it ends before something farther away. One that does not is filled.
@@ -225,18 +217,16 @@ TEST(Hypotheses, HolesThatWereFilledAreNamed) {
   frames[0].intrinsics.fx *= 1.3;
   frames[0].intrinsics.fy *= 1.3;
   const auto hint = [&] {
-    const FrameResult sensor = ByShape(frames, Four().structure).sensors[0];
+    const FrameResult sensor = CalibrateByShape(frames, Four().structure).sensors[0];
     EXPECT_NE(sensor.status, SensorStatus::kOk);
     return sensor.hint;
   };
   EXPECT_EQ(hint().rfind("record frames without filters that fill holes", 0), 0u) << hint();
   DepthImage& depth = frames[0].depth;
-  for (int v = 0; v < depth.height(); ++v) {
-    for (int u = 1; u < depth.width(); ++u) {
-      if (std::abs(depth(u, v) - depth(u - 1, v)) > 0.05f) depth(u - 1, v) = 0;
-    }
+  for (const auto [u, v] : Pixels({1, 0}, {depth.width(), depth.height()})) {
+    if (std::abs(depth(u, v) - depth(u - 1, v)) > 0.05f) depth(u - 1, v) = 0;
   }
-  EXPECT_EQ(hint().find("fill holes"), std::string::npos) << hint();
+  EXPECT_FALSE(Has(hint(), "fill holes"));
 }
 
 }  // namespace

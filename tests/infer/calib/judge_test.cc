@@ -2,19 +2,25 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
+#include "infer/calib/look.h"
+#include "infer/calib/result.h"
+#include "infer/initial/aliases.h"
+#include "infer/initial/pose_sources.h"
+#include "infer/initial/same_pose.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::judge_test {
 namespace {
 
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// S0 and S2 are located, S1 is not; refined poses are as given.
 struct Stages {
@@ -25,14 +31,14 @@ struct Stages {
 
   static const Rig& ThreeSensors() {
     static const Rig drawn = [] {
-      Rig rig{testing_infer::PaperStructure(), {}, {}};
-      for (int i = 0; i < 3; ++i) rig.Add("S" + std::to_string(i), RingPose(40 + 60 * i));
+      Rig rig{PaperStructure(), {}, {}};
+      for (int i = 0; i < 3; ++i) rig.Add(RingPose(40 + 60 * i));
       return rig;
     }();
     return drawn;
   }
   Stages() : rig(ThreeSensors()), capture({{"", rig.frames}}, rig.structure) {
-    joint.seen = testing_infer::SeenWithLabels(capture, rig.labels);
+    joint.seen = SeenWithLabels(capture, rig.labels);
     joint.stacks.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
     joint.lenses.resize(3);
     joint.located = MapFrames(joint.seen.views, 1, [&](FrameId id) -> LocateResult {
@@ -129,13 +135,12 @@ TEST(Judge, NoSensorThatHasNotSettledIsOk) {
   EXPECT_EQ(result.solve.rounds, 7);
   EXPECT_EQ(result.sensors[0].status, SensorStatus::kWeak);
   EXPECT_EQ(result.sensors[0].code, SensorCode::kUnsettled);
-  EXPECT_NE(result.sensors[0].reason.find("3.4 mm"), std::string::npos);
-  EXPECT_NE(result.sensors[0].reason.find("2.5 px"), std::string::npos);
-  EXPECT_EQ(result.sensors[0].reason.find("steps"), std::string::npos);
+  EXPECT_TRUE(Has(result.sensors[0].reason, "3.4 mm", "2.5 px"));
+  EXPECT_FALSE(Has(result.sensors[0].reason, "steps"));
   EXPECT_EQ(result.sensors[1].code, SensorCode::kNoStructure);
   EXPECT_EQ(result.sensors[2].status, SensorStatus::kOk) << result.sensors[2].reason;
   stages.joint.report = {7, false, false, 0.0001, 0};
-  EXPECT_NE(stages.Judge().sensors[0].reason.find("steps"), std::string::npos);
+  EXPECT_TRUE(Has(stages.Judge().sensors[0].reason, "steps"));
 }
 
 TEST(Judge, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
@@ -211,7 +216,151 @@ TEST(Judge, SensorsInOnePlaceNameEachOther) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);
     EXPECT_EQ(result.sensors[i].code, SensorCode::kSamePose);
   }
-  EXPECT_NE(result.sensors[0].reason.find("where S2 stands"), std::string::npos);
+  EXPECT_TRUE(Has(result.sensors[0].reason, "where S2 stands"));
+}
+
+/// S0, S1 and S2, of which S0 was located, S1 was not and S2 has no depth that could be.
+class LookAgain : public testing::Test {
+ protected:
+  LookAgain() : capture_({{"", TheRig().frames}}, TheRig().structure) {
+    seen_ = SeenWithLabels(capture_, TheRig().labels);
+    for (const std::size_t i : {std::size_t{1}, std::size_t{2}}) seen_.labelled[{0, i}] = {};
+    seen_.depths[{0, 2}].failure = Finding{SensorCode::kWrongUnits, "", ""};
+    results_ = PerFrame<LocateResult>({{LocatedFrame(), Finding(), Finding()}});
+    for (std::size_t i = 0; i < 3; ++i)
+      segmenter_.Store(TheRig().frames[i].depth, Certain(TheRig().labels[i]));
+  }
+  static const Rig& TheRig() {
+    static const Rig rig = [] {
+      Rig made{PaperStructure(), {}, {}};
+      for (int i = 0; i < 3; ++i) made.Add(RingPose(40 + 100 * i));
+      return made;
+    }();
+    return rig;
+  }
+
+  CaptureSet capture_;
+  Seen seen_;
+  PerFrame<LocateResult> results_;
+  StoredSegmenter segmenter_;
+  StageClock clock_;
+};
+
+TEST_F(LookAgain, AFrameThatHadNoPoseIsLabelledAnew) {
+  const PerFrame<Labelled> again = LabelAgain(seen_, results_, &segmenter_, {}, &clock_);
+  const Labelled& anew = again[{0, 1}];
+  ASSERT_TRUE(anew.initial.found);
+  const PoseError error =
+      ComparePoses(anew.initial.structure_from_sensor, *TheRig().frames[1].ground_truth);
+  EXPECT_LT(error.translation_m, 0.02);
+  EXPECT_FALSE((again[{0, 2}].initial.found)) << "nothing can be seen in it";
+}
+
+TEST_F(LookAgain, ALocatedFrameKeepsItsLabels) {
+  const LabelImage before = seen_.labelled[{0, 0}].segmentation.labels;
+  segmenter_ = StoredSegmenter();  // which labels nothing
+  const PerFrame<Labelled> again = LabelAgain(seen_, results_, &segmenter_, {}, &clock_);
+  EXPECT_TRUE((again[{0, 0}].segmentation.labels == before));
+  EXPECT_TRUE((again[{0, 0}].initial.found));
+}
+
+// Nothing tells up from down but the pose that the other sensor has already.
+TEST(LabelAgain, WhatIsLabelledAnewSuitsThePosesThatStay) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 2; ++i) rig.Add(RingPose(40 + 60 * i), {false, 0});
+  const Pose over = FindAliases(rig.structure).front().motion;
+  const CaptureSet capture({{"", rig.frames}}, rig.structure);
+  Seen seen = SeenWithLabels(capture, rig.labels);
+  Labelled& first = seen.labelled[{0, 0}];
+  const Pose turned = over * *rig.frames[0].ground_truth;
+  first = {};
+  LabelledPose by_pose = LabelByPose(seen.views[{0, 0}], rig.structure, turned, {});
+  ASSERT_TRUE(by_pose.initial.found);
+  first.segmentation = std::move(by_pose.segmentation);
+  first.initial = std::move(by_pose.initial);
+  first.source = PoseSource::kGeometry;
+  seen.labelled[{0, 1}] = {};
+  StageClock clock;
+  const PerFrame<Labelled> again =
+      LabelAgain(seen, PerFrame<LocateResult>({{LocatedFrame(), Finding()}}), nullptr, {}, &clock);
+  ASSERT_TRUE((again[{0, 1}].initial.found));
+  EXPECT_TRUE(SamePose(rig.structure, again[{0, 1}].initial.structure_from_sensor,
+                       over * *rig.frames[1].ground_truth));
+}
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+SensorOutcome Placed() {
+  SensorOutcome sensor;
+  sensor.status = SensorStatus::kOk;
+  sensor.structure_from_sensor = Pose::Identity();
+  return sensor;
+}
+
+TEST(DemoteIfNotFinite, LeavesFiniteNumbersAlone) {
+  SensorOutcome sensor = Placed();
+  DemoteIfNotFinite(&sensor);
+  EXPECT_EQ(sensor.status, SensorStatus::kOk);
+  EXPECT_EQ(sensor.code, SensorCode::kNone);
+  // Of a sensor without a pose no number counts.
+  sensor.structure_from_sensor.reset();
+  sensor.status = SensorStatus::kFailed;
+  sensor.code = SensorCode::kNoDepth;
+  sensor.miou = kNan;
+  DemoteIfNotFinite(&sensor);
+  EXPECT_EQ(sensor.code, SensorCode::kNoDepth);
+}
+
+TEST(DemoteIfNotFinite, ThePoseItselfFailsTheSensor) {
+  SensorOutcome sensor = Placed();
+  sensor.structure_from_sensor->translation().y() = kNan;
+  DemoteIfNotFinite(&sensor);
+  EXPECT_FALSE(sensor.structure_from_sensor);
+  EXPECT_EQ(sensor.status, SensorStatus::kFailed);
+  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
+}
+
+TEST(DemoteIfNotFinite, OtherNumbersMakeItWeakAndAreNamed) {
+  SensorOutcome sensor = Placed();
+  sensor.rms_to_structure_m = kNan;
+  sensor.covariance(2, 3) = std::numeric_limits<double>::infinity();
+  DemoteIfNotFinite(&sensor);
+  EXPECT_TRUE(sensor.structure_from_sensor);
+  EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
+  EXPECT_TRUE(Has(sensor.reason, "rms_to_structure_m", "covariance"));
+  EXPECT_FALSE(Has(sensor.reason, "miou"));
+
+  // What it was weak for before stays, but that it is uncertain.
+  sensor = Placed();
+  sensor.status = SensorStatus::kWeak;
+  sensor.code = SensorCode::kFewInliers;
+  sensor.reason = "few points";
+  sensor.miou = kNan;
+  DemoteIfNotFinite(&sensor);
+  EXPECT_EQ(sensor.code, SensorCode::kFewInliers);
+  EXPECT_EQ(sensor.reason.rfind("few points; not finite", 0), 0u) << sensor.reason;
+  sensor.code = SensorCode::kUncertain;
+  DemoteIfNotFinite(&sensor);
+  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
+}
+
+TEST(CalibrationResult, HasTheWorstVerdictAndCountsPoses) {
+  CalibrationResult result;
+  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
+  EXPECT_EQ(result.placed(), 0);
+  result.findings.resize(1);
+  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+  result.findings.clear();
+  result.sensors.resize(3);
+  for (FrameResult& sensor : result.sensors) static_cast<SensorOutcome&>(sensor) = Placed();
+  result.sensors[1].status = SensorStatus::kWeak;
+  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
+  EXPECT_EQ(result.placed(), 3);
+  result.sensors[0].status = SensorStatus::kFailed;
+  result.sensors[0].structure_from_sensor.reset();
+  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
+  EXPECT_EQ(result.placed(), 2);
 }
 
 }  // namespace

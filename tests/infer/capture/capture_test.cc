@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <map>
 #include <string>
 #include <vector>
@@ -21,6 +20,7 @@
 #include "infer/capture/capture_folder.h"
 #include "infer/capture/mean_depth.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
 #include "tests/infer/formats/bag_writer.h"
@@ -28,8 +28,8 @@
 namespace volalign::capture_test {
 namespace {
 
-constexpr char kIntrinsics[] =
-    R"("intrinsics": {"width": 4, "height": 3, "fx": 5.0, "fy": 5.5, "cx": 1.5, "cy": 1.0})";
+constexpr char kCamera[] = R"({"width": 4, "height": 3, "fx": 5, "fy": 5.5, "cx": 1.5, "cy": 1})";
+const std::string kIntrinsics = std::string(R"("intrinsics": )") + kCamera;
 
 class CaptureTest : public ::testing::Test {
  protected:
@@ -125,11 +125,10 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
   ExpectBad(WriteSensor(depth + "\"depth_scale\": -1, " + kIntrinsics), {"depth_scale = -1"});
   ExpectBad(WriteSensor(depth + "\"depth_scale\": \"mm\", " + kIntrinsics),
             {"depth_scale", "finite number"});
-  ExpectBad(WriteSensor("\"depth\": [], " + std::string(kIntrinsics)), {"depth is an empty list"});
+  ExpectBad(WriteSensor("\"depth\": [], " + kIntrinsics), {"depth is an empty list"});
   ExpectBad(WriteSensor("\"depth\": \"a.pgm\""), {"sensor \"A\"", "\"intrinsics\"", "missing"});
-  ExpectBad(
-      Write(std::string(R"({"sensors": [{"name": "A", "depth": "a.pgm", )") + kIntrinsics + "}]}"),
-      {"sensor \"A\"", "no depth_scale"});
+  const std::string sensor = R"({"name": "A", "depth": "a.pgm", )" + kIntrinsics + "}";
+  ExpectBad(Write(R"({"sensors": [)" + sensor + "]}"), {"sensor \"A\"", "no depth_scale"});
   // What is misspelled is missing, too, but not what one looks for.
   ExpectBad(WriteSensor(R"("depth": "a.pgm", "intrinsic": {"width": 4})"),
             {"sensor \"A\"", "\"intrinsic\"", "did you mean \"intrinsics\"?"});
@@ -138,7 +137,6 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
       WriteSensor(R"("depth": "a.pgm", "intrinsics": {"width": 4, "height": 3, "fx": 5, "fy": 5,
       "cx": 1.5, "cy": 1, "distortion": [-9, 0, 0, 0]})"),
       {"capture.json", "sensor \"A\"", "distortion", "k1 k2 p1"});
-  const std::string sensor = std::string(R"({"name": "A", "depth": "a.pgm", )") + kIntrinsics + "}";
   ExpectBad(Write("{\"depth_scale\": 0.001, \"sensors\": [" + sensor + ", " + sensor + "]}"),
             {"two sensors are named \"A\""});
   ExpectBad(Write("{\"depth_scale\": 0.001, \"sensors\": [" + sensor +
@@ -150,11 +148,9 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
 }
 
 TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
-  for (const std::string& name :
-       {std::string(), std::string("a/b"), std::string(".."), std::string("overview"),
-        std::string("merged"), std::string("A\\u001b[31mRED"), std::string("A\\n0 9 9 9 0 0 0 1"),
-        std::string("A\\u009b"), std::string("-rf"), std::string("A\\u202egnp"),
-        std::string(101, 'a')}) {
+  for (const std::string& name : std::vector<std::string>{
+           "", "a/b", "..", "overview", "merged", "A\\u001b[31mRED", "A\\n0 9 9 9 0 0 0 1",
+           "A\\u009b", "-rf", "A\\u202egnp", std::string(101, 'a')}) {
     ExpectBad(Write(R"({"depth_scale": 0.001, "sensors": [{"name": ")" + name +
                     R"(", "depth": "a.pgm", )" + kIntrinsics + "}]}"),
               {"file name"});
@@ -162,37 +158,28 @@ TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
 }
 
 TEST_F(CaptureTest, TextsThatAreCarriedOnArePlain) {
-  for (const std::string& key :
-       {std::string("serial"), std::string("renderer"), std::string("sensor")})
-    for (const std::string& text : {std::string("a\\u001b[31m\\n"), std::string(100000, 'a')}) {
-      ExpectBad(Write(R"({"depth_scale": 0.001, "sensors": [{"name": "A", "depth": "a.pgm", ")" +
-                      key + "\": \"" + text + "\", " + kIntrinsics + "}]}"),
-                {key + " = \"a", "plain text"});
-    }
+  for (const std::string key : {"serial", "renderer", "sensor"}) {
+    for (const std::string& text : {std::string("a\\u001b[31m\\n"), std::string(100000, 'a')})
+      ExpectBad(
+          WriteSensor(fmt::format(R"("depth": "a.pgm", "{}": "{}", )", key, text) + kIntrinsics),
+          {key + " = \"a", "plain text"});
+  }
 }
 
 TEST_F(CaptureTest, SaysWhatIsWrongWithTheImages) {
-  ExpectBad(
-      WriteSensor(
-          R"("depth": "a.pgm", "intrinsics": {"width": 3, "height": 4, "fx": 5, "fy": 5, "cx": 1, "cy": 1})"),
-      {"sensor \"A\"", "a.pgm", "4x3", "3x4"});
-  ExpectBad(
-      WriteSensor(
-          R"("depth": "a.pgm", "intrinsics": {"width": 4, "height": 3, "fx": 5, "fy": 5, "cx": 1, "cy": 1, "distortion": [0.1, 0.2, 0.3]})"),
-      {"sensor \"A\"", "intrinsics", "distortion"});
-  ExpectBad(
-      WriteSensor(
-          R"("depth": "a.pgm", "intrinsics": {"width": 4, "height": 3, "fx": 0, "fy": 5, "cx": 1, "cy": 1})"),
-      {"sensor \"A\"", "intrinsics"});
+  const auto of = [&](const std::string& camera) {
+    return WriteSensor(R"("depth": "a.pgm", "intrinsics": {)" + camera +
+                       R"("fy": 5, "cx": 1, "cy": 1})");
+  };
+  ExpectBad(of(R"("width": 3, "height": 4, "fx": 5, )"), {"sensor \"A\"", "a.pgm", "4x3", "3x4"});
+  ExpectBad(of(R"("width": 4, "height": 3, "fx": 5, "distortion": [0.1, 0.2, 0.3], )"),
+            {"sensor \"A\"", "intrinsics", "distortion"});
+  ExpectBad(of(R"("width": 4, "height": 3, "fx": 0, )"), {"sensor \"A\"", "intrinsics"});
   const std::string whole = ReadFile(folder_ / "a.pgm");
   WriteFileAtomically(folder_ / "cut.pgm", whole.substr(0, whole.size() - 5));
-  ExpectBad(WriteSensor("\"depth\": \"cut.pgm\", " + std::string(kIntrinsics)),
-            {"sensor \"A\"", "cut.pgm"});
-  ExpectError<IoError>(
-      [&] { ReadCapture(WriteSensor("\"depth\": \"none.pgm\", " + std::string(kIntrinsics))); },
-      {"sensor \"A\"", "none.pgm"});
+  ExpectBad(WriteSensor("\"depth\": \"cut.pgm\", " + kIntrinsics), {"sensor \"A\"", "cut.pgm"});
   ExpectError<IoError>([&] { ReadCapture(folder_ / "nowhere.json"); }, {"nowhere.json"});
-  for (const char* no_file : {"/dev/zero", "/tmp"}) {
+  for (const char* no_file : {"none.pgm", "/dev/zero", "/tmp"}) {
     ExpectError<IoError>(
         [&] {
           ReadCapture(WriteSensor(fmt::format("\"depth\": \"{}\", {}", no_file, kIntrinsics)));
@@ -211,7 +198,7 @@ TEST_F(CaptureTest, HasAtMostAThousandSensors) {
 }
 
 TEST_F(CaptureTest, KeysOfRecordingsAreNotPassedOver) {
-  ExpectBad(WriteSensor("\"depth\": \"a.pgm\", \"frames\": 3, " + std::string(kIntrinsics)),
+  ExpectBad(WriteSensor("\"depth\": \"a.pgm\", \"frames\": 3, " + kIntrinsics),
             {"sensor \"A\"", "frames", "recording"});
   ExpectBad(Write("\xff\xfe{"), {"capture.json", "UTF-16", "UTF-8"});
 }
@@ -219,14 +206,14 @@ TEST_F(CaptureTest, KeysOfRecordingsAreNotPassedOver) {
 /// A bag whose camera has no calibration, of one frame of 4x3.
 std::string UncalibratedBag() {
   using namespace bag_writer;
-  const std::string header = std::string(12, '\0') + Block("d");
+  const std::string header = MessageHeader("d");
   const std::string size = Bytes<std::uint32_t>(3) + Bytes<std::uint32_t>(4);
   const std::string image = header + size + Block("16UC1") + '\0' + Bytes<std::uint32_t>(8) +
                             Block(std::string(24, '\1'));
   const std::string camera =
       header + size + Block("plumb_bob") + Bytes<std::uint32_t>(0) + std::string(30 * 8, '\0');
-  return Bag(Chunk(Connection(0, "/d/image", "sensor_msgs/Image") + Message(0, image) +
-                   Connection(1, "/d/camera_info", "sensor_msgs/CameraInfo") + Message(1, camera)));
+  return Bag(Chunk(Topic(0, "/d/image", "sensor_msgs/Image", image) +
+                   Topic(1, "/d/camera_info", "sensor_msgs/CameraInfo", camera)));
 }
 
 // What the capture says is not asked of the recording; a convention is no statement.
@@ -241,15 +228,6 @@ TEST_F(CaptureTest, OverridesWhatARecordingSays) {
   EXPECT_FLOAT_EQ(tenths.sensors[0].depth(0, 0), 0.0257f);
 }
 
-}  // namespace
-}  // namespace volalign::capture_test
-
-namespace volalign::capture_draft_test {
-namespace {
-
-constexpr char kIntrinsics[] =
-    R"({"width": 4, "height": 3, "fx": 5, "fy": 5.5, "cx": 1.5, "cy": 1})";
-
 class CaptureDraftTest : public ::testing::Test {
  protected:
   void WriteDepth(const std::string& name) { WritePng(folder_ / name, Image16(4, 3, 2000)); }
@@ -262,9 +240,8 @@ class CaptureDraftTest : public ::testing::Test {
   }
   static bool Mentions(const std::vector<std::string>& sentences, const std::string& a,
                        const std::string& b) {
-    return std::any_of(sentences.begin(), sentences.end(), [&](const std::string& sentence) {
-      return sentence.find(a) != std::string::npos && sentence.find(b) != std::string::npos;
-    });
+    return std::any_of(sentences.begin(), sentences.end(),
+                       [&](const std::string& sentence) { return Has(sentence, a, b); });
   }
 
   TempFolder folder_;
@@ -335,8 +312,8 @@ TEST_F(CaptureDraftTest, AFlatFolder) {
   WriteDepth("depth_KA07.png");
   WriteDepth("KA03_color.png");
   WriteDepth("KA03_Labels.png");
-  WriteText("KA03.json", kIntrinsics);
-  WriteText("intrinsics.json", kIntrinsics);
+  WriteText("KA03.json", kCamera);
+  WriteText("intrinsics.json", kCamera);
   WriteText("notes.json", "{\"by\": \"me\"}");
   const nlohmann::json sensors = Draft();
   ASSERT_EQ(sensors.size(), 4u);
@@ -389,7 +366,7 @@ TEST_F(CaptureDraftTest, NamesThatNoCaptureCanHaveAreSaid) {
 
 TEST_F(CaptureDraftTest, TypicalIntrinsicsAreAskedForAndMarked) {
   WriteDepth("own_depth.png");
-  WriteText("own_intrinsics.json", kIntrinsics);
+  WriteText("own_intrinsics.json", kCamera);
   WriteDepth("typical_depth.png");
   CaptureDraftOptions options;
   options.depth_scale = 0.001;
@@ -437,7 +414,7 @@ TEST_F(CaptureDraftTest, SaysWhatIsAmiss) {
 // An option that would do nothing is refused, and said where it does something for others alone.
 TEST_F(CaptureDraftTest, OptionsTakeEffectOrAreRefused) {
   std::filesystem::copy("tests/infer/formats/recordings/realsense.bag", folder_ / "front.bag");
-  WriteText("k.json", kIntrinsics);
+  WriteText("k.json", kCamera);
   CaptureDraftOptions options;
   options.depth_scale = 0.001;
   ExpectError<ConfigError>([&] { Draft(options); }, {"--depth-scale", "front has 0.0001 m"});
@@ -521,12 +498,6 @@ TEST_F(CaptureDraftTest, PartsOfOneRecording) {
   EXPECT_TRUE(Mentions(draft_.found, "left out", "sees the same"));
 }
 
-}  // namespace
-}  // namespace volalign::capture_draft_test
-
-namespace volalign::capture_folder_test {
-namespace {
-
 namespace fs = std::filesystem;
 
 std::vector<std::string> Names(const std::vector<fs::path>& paths) {
@@ -597,12 +568,6 @@ TEST(NameBesideDepth, IsTheSensorsOfTheFile) {
   EXPECT_EQ(WithoutNumber("a1b"), "a1b");
   EXPECT_EQ(WithoutNumber("007"), "");
 }
-
-}  // namespace
-}  // namespace volalign::capture_folder_test
-
-namespace volalign::mean_depth_test {
-namespace {
 
 /// The values of one pixel in several files.
 SensorFrame MeanOf(const std::vector<float>& values, double scale, bool whole = true) {
@@ -679,15 +644,11 @@ TEST(SetMeanDepth, SigmaIsTheStandardError) {
   SensorFrame frame;
   frame.depth_scale = 0.001;
   SetMeanDepth(images, &frame);
-  double squares = 0, stated = 0;
-  for (std::size_t i = 0; i < kPixels; ++i) {
-    const double error = 1000 * static_cast<double>(frame.depth[i]) - 2000;
-    squares += error * error;
-    stated += 1e6 * static_cast<double>(frame.depth_sigma[i]) * frame.depth_sigma[i];
-  }
-  const double actual = std::sqrt(squares / kPixels);
-  EXPECT_NEAR(actual, kSigma / std::sqrt(kFrames), 0.05);
-  EXPECT_NEAR(std::sqrt(stated / kPixels), actual, 0.1 * actual);
+  Tally errors, stated;
+  for (const float z : frame.depth) errors += 1000 * static_cast<double>(z) - 2000;
+  for (const float sigma : frame.depth_sigma) stated += 1000 * static_cast<double>(sigma);
+  EXPECT_NEAR(errors.Rms(), kSigma / std::sqrt(kFrames), 0.05);
+  EXPECT_NEAR(stated.Rms(), errors.Rms(), 0.1 * errors.Rms());
 }
 
 TEST(SetMeanDepth, WhatIsMeasuredOnceOrTwiceOfManyIsNot) {
@@ -729,4 +690,4 @@ TEST(MeanDepth, OfManyFramesIsARunningOne) {
 }
 
 }  // namespace
-}  // namespace volalign::mean_depth_test
+}  // namespace volalign::capture_test

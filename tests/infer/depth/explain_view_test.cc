@@ -7,13 +7,13 @@
 #include "infer/depth/explain_ray.h"
 #include "infer/depth/measured_view.h"
 #include "infer/depth/share_odds.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::explain_view_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Coarse;
+using namespace testing_infer;
 
 /// A box whose face at 1 m covers the left half of Coarse's view.
 Structure LeftBox() {
@@ -45,8 +45,8 @@ struct Seen {
 
   Seen() {
     const Structure box = LeftBox();
-    const auto front = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/left"));
-    const auto hidden = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/right"));
+    const auto front = static_cast<std::uint8_t>(LabelOf(box, "b/left"));
+    const auto hidden = static_cast<std::uint8_t>(LabelOf(box, "b/right"));
     for (int v = 0; v < 10; ++v) {
       for (int u = 3; u < 9; ++u) depth(u, v) = 1.005f;
       depth(0, v) = 0;
@@ -98,11 +98,10 @@ TEST(ExplainView, ManyRaysSayNoMoreThanFew) {
 // The paper's stack from 2 m: its pose explains the view, one that is a quarter turn and a box off
 // does not, and what hides half of it or is missing changes nothing.
 TEST(ExplainView, TellsRightFromWrongWhateverIsHidden) {
-  const Structure structure = testing_infer::PaperStructure();
-  const Pose pose = testing_infer::RingPose(30);
-  const testing_infer::SyntheticView rendered =
-      testing_infer::Render(structure, testing_infer::Kinect(), pose, {true, 3});
-  SensorView view = MakeSensorView(rendered.depth, testing_infer::Kinect());
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(30);
+  const SyntheticView rendered = Render(structure, Kinect(), pose, {true, 3});
+  SensorView view = MakeSensorView(rendered.depth, Kinect());
   const auto log_odds = [&](const Pose& at) {
     return ExplainView(view, nullptr, structure, at, 0.004, 0.5).LogOddsByDepth();
   };
@@ -111,20 +110,12 @@ TEST(ExplainView, TellsRightFromWrongWhateverIsHidden) {
                       pose;
   EXPECT_GT(log_odds(pose), 1);
   EXPECT_LT(log_odds(turned), -std::log(100.0));
-  for (int v = 0; v < view.height(); ++v) {
-    for (int u = 0; u < view.width(); ++u) {
-      if (v % 2 == 0) view.depth(u, v) = 0;
-      if (v > view.height() / 2 && view.depth(u, v) > 0) view.depth(u, v) = 0.8f;
-    }
+  for (const auto [u, v] : Pixels(view)) {
+    if (v % 2 == 0) view.depth(u, v) = 0;
+    if (v > view.height() / 2 && view.depth(u, v) > 0) view.depth(u, v) = 0.8f;
   }
   EXPECT_GT(log_odds(pose), 0);
 }
-
-}  // namespace
-}  // namespace volalign::explain_view_test
-
-namespace volalign::explain_ray_test {
-namespace {
 
 /// 10 mm of white noise at every depth.
 DepthErrorModel TenMillimetres() {
@@ -174,14 +165,6 @@ TEST(Explain, NoDepthIsMissingAndFarOffIsNotTheSurface) {
   EXPECT_EQ(Explain({2, 0}, {9000, 8998}, TenMillimetres()), (CauseShares{0, 0, 1, 0}));
 }
 
-}  // namespace
-}  // namespace volalign::explain_ray_test
-
-namespace volalign::measured_view_test {
-namespace {
-
-using testing_infer::Coarse;
-
 constexpr float kWall = 3;       // m
 constexpr double kSigma = 0.03;  // m
 
@@ -204,8 +187,6 @@ Pose By(double x, double z = 0) { return Pose(Eigen::Translation3d(x, 0, z)); }
 
 MeasuredView Measured(const SensorView& view) { return {view, Elsewhere(), {Pose::Identity()}}; }
 
-double Sum(const CauseShares& causes) { return causes[0] + causes[1] + causes[2] + causes[3]; }
-
 // Of 20 columns, those that the other one sees, too, up to the pixel beyond its last ray: points
 // beside its picture count nothing. Columns beside the middle are up to 8 % smaller.
 TEST(MeasuredView, ComparesWhatBothSee) {
@@ -222,13 +203,7 @@ TEST(MeasuredView, ComparesWhatBothSee) {
 // A lens whose model folds before the corners: the first pixels of the picture have no ray, and
 // their neighbours' pitch is not that of the others.
 TEST(MeasuredView, PixelsWithoutARayAreNoPartOfThePicture) {
-  Intrinsics intrinsics;
-  intrinsics.width = 640;
-  intrinsics.height = 480;
-  intrinsics.fx = intrinsics.fy = 400;
-  intrinsics.cx = 319.5;
-  intrinsics.cy = 239.5;
-  intrinsics.distortion = {-0.3, 0, 0, 0};
+  Intrinsics intrinsics{640, 480, 400, 400, 319.5, 239.5, {-0.3, 0, 0, 0}};
   const SensorView view = MakeSensorView(DepthImage(640, 480, kWall), intrinsics);
   ASSERT_EQ(view.ray_areas(0, 0), 0);
   const MeasuredView here = Measured(view);
@@ -271,9 +246,7 @@ TEST(MeasuredView, APointBetweenTheDepthsOfAnEdgeIsNotSeenThrough) {
 // A slab before the wall's left half, whichever of two poses it is at.
 TEST(MeasuredView, LeavesOutTheStructureAtAllPoses) {
   SensorView view = Wall();
-  for (int v = 0; v < 10; ++v) {
-    for (int u = 0; u < 10; ++u) view.depth(u, v) = 2;
-  }
+  for (const auto [u, v] : Pixels(10, 10)) view.depth(u, v) = 2;
   // Its front, 2 m away, reaches from x = -0.6 to the axis; at 2 m a pixel is 50 mm wide.
   const Structure structure =
       Structure::FromBoxes("slab", {Box::FromMinMax("s", {-0.6, -0.4, 2}, {0, 0.4, 2.1})});
@@ -301,12 +274,6 @@ TEST(ExplainPair, NothingMeasuredSaysNothing) {
   EXPECT_EQ(causes[0] + causes[1] + causes[2], 0);
   EXPECT_EQ(LogOddsOfPairs(causes), 0);
 }
-
-}  // namespace
-}  // namespace volalign::measured_view_test
-
-namespace volalign::share_odds_test {
-namespace {
 
 // Polya's urn: one cell after the other, each of a colour with the proportion of what was in the
 // urn and what was drawn before.
@@ -346,4 +313,4 @@ TEST(ShareOdds, NothingSeenSaysNothingAndMoreSaysMore) {
 }
 
 }  // namespace
-}  // namespace volalign::share_odds_test
+}  // namespace volalign::explain_view_test

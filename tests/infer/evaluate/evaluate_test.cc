@@ -20,23 +20,52 @@
 #include "infer/evaluate/variants.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/infer/evaluate/stills.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::evaluate_test {
 namespace {
 
-using testing_infer::MakeRing;
-using testing_infer::Ring;
-using testing_infer::StoredSegmenter;
-using testing_infer::TwoVariants;
+using namespace testing_infer;
+using testing_infer::Rig;
+
+struct Ring {
+  EvaluationStill still;
+  Rig rig;
+};
+
+/// Sensors about the structure, its boxes displaced by `offsets` where there are some.
+Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
+  const Structure nominal = PaperStructure();
+  Ring ring{{}, {offsets.empty() ? nominal : nominal.Displaced(offsets), {}, {}}};
+  for (int i = 0; i < sensors; ++i) ring.rig.Add(RingPose(120.0 * i + 20, 2.0, 0.3 + 0.05 * i));
+  ring.still.structure = nominal;
+  ring.still.frames = ring.rig.frames;
+  ring.still.labels = ring.rig.labels;
+  return ring;
+}
+
+/// Adds a still of the same sensors while the structure stands elsewhere, and its labels to the
+/// segmenter.
+void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSegmenter* segmenter) {
+  Rig there{ring->rig.structure, {}, {}};
+  for (const SensorFrame& frame : ring->rig.frames) {
+    there.Add(frame.name, first_from_placement.inverse() * *frame.ground_truth);
+    segmenter->Store(there.frames.back().depth, Certain(there.labels.back()));
+  }
+  ring->still.further.push_back({there.frames, there.labels});
+}
+
+std::vector<EvaluationVariant> TwoVariants() {
+  EvaluationVariant network{"network", {}}, paper{"paper", {}};
+  paper.options.initial.method = PoseMethod::kPaper;
+  return {network, paper};
+}
 
 class EvaluateFiles : public testing::Test {
  protected:
   EvaluateFiles() : ring_(MakeRing({}, 1)), segmenter_(ring_.rig.PerfectSegmenter()) {
-    for (EvaluationVariant& variant : variants_) {
-      variant.options.refine.max_side_points = 300;
-    }
+    for (EvaluationVariant& variant : variants_) variant.options.refine.max_side_points = 300;
     run_.output = folder_ / "evaluation.json";
     run_.program = "1";
     run_.progress = [this](const std::string& line) { lines_.push_back(line); };
@@ -155,7 +184,7 @@ TEST_F(EvaluateFiles, ComparesModels) {
   EXPECT_EQ(cases[5].seed, 1u);
   variants_.pop_back();
   EXPECT_EQ(Run(Items(1)).at(1).variant, "blind");
-  EXPECT_NE(ReadFile(run_.output).find("\"sha256\": \"def\""), std::string::npos);
+  EXPECT_TRUE(Has(ReadFile(run_.output), "\"sha256\": \"def\""));
   models_[1].checkpoint.file = "other/model.safetensors";
   ExpectError<ConfigError>([&] { Run(Items(1)); }, {"other/model.safetensors", "called model too"});
 }
@@ -172,37 +201,32 @@ TEST_F(EvaluateFiles, RejectsAnotherStructure) {
   ExpectError<DataError>([&] { Run(Items(1)); }, {"evaluation.json", "another folder"});
 }
 
-}  // namespace
-}  // namespace volalign::evaluate_test
+Vector6d Motion(double x, double z, double yaw) {
+  return (Vector6d() << x, 0, z, 0, yaw, 0).finished();
+}
 
-namespace volalign::items_test {
-namespace {
-
-using testing_infer::PaperStructure;
-
-/// Moving every box by one rigid motion moves the sensors by its inverse, as seen from the boxes.
-TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
-  Vector6d motion;
-  motion << 0.006, 0, -0.004, 0, 0.005, 0;
-  const Pose moved = PerturbLeft(motion, Pose::Identity());
+/// Of the paper's stack, all of whose boxes stand `moved` from where they should.
+RigCapture CaptureOf(const Pose& moved = Pose::Identity()) {
   RigCapture capture;
   capture.structure = PaperStructure();
   capture.box_offsets.assign(capture.structure.boxes().size(), moved);
-  const EvaluationStill still = StillOf(capture);
+  return capture;
+}
+
+/// Moving every box by one rigid motion moves the sensors by its inverse, as seen from the boxes.
+TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
+  const Pose moved = PerturbLeft(Motion(0.006, -0.004, 0.005), Pose::Identity());
+  const EvaluationStill still = StillOf(CaptureOf(moved));
   EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
 }
 
 TEST(Items, StillsOfPlacementsKeepTheFrameOfTheFirst) {
-  Vector6d motion;
-  motion << 0.006, 0, -0.004, 0, 0.005, 0;
-  std::vector<RigCapture> stills(2);
+  std::vector<RigCapture> stills = {
+      CaptureOf(), CaptureOf(PerturbLeft(Motion(0.006, -0.004, 0.005), Pose::Identity()))};
   for (RigCapture& still : stills) {
-    still.structure = PaperStructure();
-    still.box_offsets.assign(still.structure.boxes().size(), Pose::Identity());
     still.sensors.resize(1);
     still.sensors[0].labels = LabelImage(2, 2);
   }
-  stills[1].box_offsets.assign(stills[0].box_offsets.size(), PerturbLeft(motion, Pose::Identity()));
   stills[1].sensors[0].structure_from_sensor.translation().x() = 3;
   stills[1].sensors[0].labels(1, 1) = 4;
   const EvaluationStill still = StillOf(stills);
@@ -214,13 +238,11 @@ TEST(Items, StillsOfPlacementsKeepTheFrameOfTheFirst) {
 }
 
 TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
-  RigCapture capture;
-  capture.structure = PaperStructure();
-  capture.box_offsets.assign(capture.structure.boxes().size(), Pose::Identity());
+  RigCapture capture = CaptureOf();
   CapturedSensor sensor;
   sensor.sensor = "azure_kinect_nfov_binned";
-  sensor.stated_intrinsics = testing_infer::Kinect();
-  sensor.intrinsics = testing_infer::Kinect();
+  sensor.stated_intrinsics = Kinect();
+  sensor.intrinsics = Kinect();
   sensor.intrinsics.distortion = {0.1, 0, 0, 0};
   sensor.intrinsics.fx += 1;
   capture.sensors = {sensor};
@@ -232,25 +254,25 @@ TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
 class RigFiles : public testing::Test {
  protected:
   void SetUp() override {
-    for (const char* name : {"rig_ring.yaml", "arc.yaml"}) {
+    for (const char* name : {"rig_ring.yaml", "arc.yaml"})
       series_.files.push_back(
-          folder_
-              .Write(name,
-                     "seed: 4\nstructure_yaw_deg: 10\nsensors:\n"
-                     "  - {name: A, sensor: realsense_d415, image_size: 320x180}\n")
-              .string());
-    }
+          Write(name,
+                "seed: 4\nstructure_yaw_deg: 10\nsensors:\n"
+                "  - {name: A, sensor: realsense_d415, image_size: 320x180}\n"));
   }
+  std::string Write(const std::string& name, const std::string& yaml) {
+    return folder_.Write(name, yaml).string();
+  }
+  std::vector<EvaluationItem> Items() { return RigItems(ReadRigs(series_), series_, nullptr); }
   std::vector<std::string> Names() {
     std::vector<std::string> names;
-    for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+    for (const EvaluationItem& item : Items())
       names.push_back(item.rig + "/" + item.sensors + "/" + std::to_string(*item.seed));
-    }
     return names;
   }
   /// structure_yaw_deg of the first item's rig, from its identity, the resolved rig.
   double Yaw() {
-    const std::string identity = RigItems(ReadRigs(series_), series_, nullptr).at(0).identity;
+    const std::string identity = Items().at(0).identity;
     const std::string key = "structure_yaw_deg: ";
     return std::stod(identity.substr(identity.find(key) + key.size()));
   }
@@ -283,31 +305,29 @@ TEST_F(RigFiles, EveryNumberOfPlacementsInTurn) {
   series_.seeds = {7, 8};
   std::vector<int> numbers;
   std::vector<std::string> identities;
-  for (const EvaluationItem& item : RigItems(ReadRigs(series_), series_, nullptr)) {
+  for (const EvaluationItem& item : Items()) {
     numbers.push_back(item.placements);
     identities.push_back(item.identity);
   }
   EXPECT_EQ(numbers, (std::vector<int>{1, 1, 3, 3}));
   // One placement is the rig as it was.
   series_.placements.clear();
-  const std::vector<EvaluationItem> plain = RigItems(ReadRigs(series_), series_, nullptr);
+  const std::vector<EvaluationItem> plain = Items();
   EXPECT_EQ(plain.at(0).identity, identities[0]);
   EXPECT_EQ(plain.at(1).identity, identities[1]);
   EXPECT_NE(identities[2], identities[3]);
   // A rig's own placements come first; what it has too many of is left out.
-  series_.files = {folder_
-                       .Write("rig_own.yaml",
-                              "sensors: [{name: A}]\nplacements:\n  - {x_cm: 31, z_cm: 0}\n"
-                              "  - {x_cm: 47, z_cm: 0}\n")
-                       .string()};
+  series_.files = {Write("rig_own.yaml",
+                         "sensors: [{name: A}]\nplacements:\n  - {x_cm: 31, z_cm: 0}\n"
+                         "  - {x_cm: 47, z_cm: 0}\n")};
   series_.seeds.clear();
   series_.keep_yaw = true;
-  EXPECT_EQ(RigItems(ReadRigs(series_), series_, nullptr).at(0).placements, 3);
+  EXPECT_EQ(Items().at(0).placements, 3);
   series_.placements = {2, 5};
-  const std::vector<EvaluationItem> own = RigItems(ReadRigs(series_), series_, nullptr);
-  EXPECT_NE(own.at(0).identity.find("x_cm: 31"), std::string::npos);
-  EXPECT_EQ(own.at(0).identity.find("x_cm: 47"), std::string::npos);
-  EXPECT_NE(own.at(1).identity.find("x_cm: 47"), std::string::npos);
+  const std::vector<EvaluationItem> own = Items();
+  EXPECT_TRUE(Has(own.at(0).identity, "x_cm: 31"));
+  EXPECT_FALSE(Has(own.at(0).identity, "x_cm: 47"));
+  EXPECT_TRUE(Has(own.at(1).identity, "x_cm: 47"));
   EXPECT_EQ(own.at(1).placements, 5);
 }
 
@@ -327,19 +347,6 @@ TEST(Items, ParsesSeeds) {
     ExpectError<ConfigError>([&] { ParseSeeds(bad); }, {"--seeds"});
   }
 }
-
-}  // namespace
-}  // namespace volalign::items_test
-
-namespace volalign::measure_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::MakeRing;
-using testing_infer::PaperStructure;
-using testing_infer::Ring;
-using testing_infer::StoredSegmenter;
-using testing_infer::TwoVariants;
 
 /// Counts the frames that reach the network behind it.
 class CountingSegmenter : public Segmenter {
@@ -370,8 +377,7 @@ TEST(Measure, LeftDifferenceUndoesPerturbLeft) {
 }
 
 TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
-  Vector6d motion;
-  motion << 0.006, 0, -0.004, 0, 0.005, 0;
+  const Vector6d motion = Motion(0.006, -0.004, 0.005);
   const Pose moved = PerturbLeft(motion, Pose::Identity());
   Ring ring = MakeRing(std::vector<Pose>(PaperStructure().boxes().size(), moved));
   ring.still.nominal_from_built = moved.inverse();
@@ -381,8 +387,7 @@ TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
     const EvaluatedSensor& sensor = cases.at(0).results.at(i);
     const Eigen::Vector3d position = ring.rig.frames[i].ground_truth->translation();
     ASSERT_TRUE(sensor.nominal && sensor.built);
-    EXPECT_LT(sensor.built->refined.translation_m, 1.5e-3) << sensor.name;
-    EXPECT_LT(sensor.built->refined.rotation_deg, 0.05) << sensor.name;
+    EXPECT_TRUE(Within(sensor.built->refined, 1.5e-3, 0.05)) << sensor.name;
     EXPECT_NEAR(sensor.nominal->refined.rotation_deg, 0.005 * 180 / M_PI, 0.05) << sensor.name;
     EXPECT_NEAR(sensor.nominal->refined.translation_m,
                 (moved.inverse() * position - position).norm(), 1.5e-3)
@@ -394,9 +399,7 @@ TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
 TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
   Ring ring = MakeRing();
   StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
-  Vector6d motion;
-  motion << 0.3, 0, -0.2, 0, 0.6, 0;
-  AddPlacement(PerturbLeft(motion, Pose::Identity()), &ring, &segmenter);
+  AddPlacement(PerturbLeft(Motion(0.3, -0.2, 0.6), Pose::Identity()), &ring, &segmenter);
   // S2 sees the structure at its second place alone.
   std::fill(ring.still.frames[2].depth.begin(), ring.still.frames[2].depth.end(), 2.0F);
   std::fill(ring.still.labels[2].begin(), ring.still.labels[2].end(), 0);
@@ -405,8 +408,7 @@ TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
   for (const EvaluatedSensor& sensor : cases[0].results) {
     EXPECT_EQ(sensor.sides_fix_pose, true) << sensor.name;
     ASSERT_TRUE(sensor.nominal) << sensor.name << " " << ToString(sensor.code);
-    EXPECT_LT(sensor.nominal->refined.translation_m, 3e-3) << sensor.name;
-    EXPECT_LT(sensor.nominal->refined.rotation_deg, 0.1) << sensor.name;
+    EXPECT_TRUE(Within(sensor.nominal->refined, 3e-3, 0.1)) << sensor.name;
   }
 }
 
@@ -456,15 +458,9 @@ TEST(Measure, ASensorThatSeesEnoughAndFailsIsLost) {
   EXPECT_EQ(summaries[0].lost, 1);
   EXPECT_EQ(summaries[0].wrong, 0);
   const std::string text = FormatEvaluation(cases);
-  EXPECT_NE(text.find("sensor S1: lost (no_structure)"), std::string::npos) << text;
-  EXPECT_EQ(text.find("sensor S2"), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "sensor S1: lost (no_structure)"));
+  EXPECT_FALSE(Has(text, "sensor S2"));
 }
-
-}  // namespace
-}  // namespace volalign::measure_test
-
-namespace volalign::statistics_test {
-namespace {
 
 EvaluatedSensor Measured(double initial_mm, double refined_mm, double deg) {
   EvaluatedSensor sensor;
@@ -506,7 +502,7 @@ TEST(Statistics, PlacementsHaveRowsOfTheirOwn) {
   EvaluatedCase four = one;
   four.placements = 4;
   four.results[0] = Measured(9, 2, 0.1);
-  EXPECT_EQ(FormatEvaluation({one}).find("| placements |"), std::string::npos);
+  EXPECT_FALSE(Has(FormatEvaluation({one}), "| placements |"));
   const std::vector<EvaluationSummary> all = SummariseCases({one, four});
   ASSERT_EQ(all.size(), 2u);
   EXPECT_EQ(all[0].placements, 1);
@@ -514,18 +510,16 @@ TEST(Statistics, PlacementsHaveRowsOfTheirOwn) {
   EXPECT_EQ(all[1].placements, 4);
   EXPECT_NEAR(all[1].refined_mm.median, 2, 1e-9);
   const std::string text = FormatEvaluation({one, four});
-  EXPECT_NE(text.find("| rig | sensors | placements | variant | initial"), std::string::npos);
-  EXPECT_NE(text.find("| ring | kinect | 4 | a | 9.0"), std::string::npos) << text;
-  EXPECT_NE(text.find("| ring | kinect | 4 | a | 1 of 1 |"), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "| rig | sensors | placements | variant | initial",
+                  "| ring | kinect | 4 | a | 9.0", "| ring | kinect | 4 | a | 1 of 1 |"));
   // A row and its head have as many columns.
   for (const char* head : {"| rig | sensors | placements | variant | initial",
                            "| rig | sensors | placements | variant | placed"}) {
     const std::size_t begin = text.find(head);
     std::vector<long> columns;
-    for (std::size_t line = begin; columns.size() < 4; line = text.find('\n', line) + 1) {
+    for (std::size_t line = begin; columns.size() < 4; line = text.find('\n', line) + 1)
       columns.push_back(std::count(text.begin() + static_cast<long>(line),
                                    text.begin() + static_cast<long>(text.find('\n', line)), '|'));
-    }
     EXPECT_EQ(columns, std::vector<long>(4, columns[0])) << head;
   }
 }
@@ -550,12 +544,6 @@ TEST(Statistics, IntervalsOfNormalErrorsCoverWhatTheySay) {
   EXPECT_NEAR(summary.built_cover68, 0.381, 0.01);
   EXPECT_NEAR(summary.built_cover95, 0.673, 0.01);
 }
-
-}  // namespace
-}  // namespace volalign::statistics_test
-
-namespace volalign::variants_test {
-namespace {
 
 TEST(Variants, OneAValueOverTheSharedOptions) {
   ConfigSource source;
@@ -582,4 +570,4 @@ TEST(Variants, BadOnesAreErrors) {
 }
 
 }  // namespace
-}  // namespace volalign::variants_test
+}  // namespace volalign::evaluate_test

@@ -40,6 +40,17 @@ inline std::string Message(std::uint32_t connection, const std::string& data) {
   return Record({{"op", "\x02"}, {"conn", Bytes(connection)}}, data);
 }
 
+/// A message on a connection of its own.
+inline std::string Topic(std::uint32_t number, const std::string& topic, const std::string& type,
+                         const std::string& data) {
+  return Connection(number, topic, type) + Message(number, data);
+}
+
+/// What the messages of ROS 1 begin with.
+inline std::string MessageHeader(const std::string& frame = "") {
+  return std::string(12, '\0') + Block(frame);
+}
+
 /// `data` is `content` as `compression` packs it.
 inline std::string PackedChunk(const std::string& content, const std::string& compression,
                                const std::string& data) {

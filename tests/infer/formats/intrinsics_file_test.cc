@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
@@ -19,6 +18,8 @@
 // OpenCV's by OpenCV itself.
 namespace volalign::intrinsics_file_test {
 namespace {
+
+using namespace formats_internal;
 
 constexpr FrameSize kSize{640, 480};
 
@@ -228,19 +229,13 @@ TEST(ParseIntrinsicsText, DepthAi) {
 
 TEST(WhyNoText, NamesWhatNoReaderTakes) {
   const std::string utf16("\xff\xfew\0i\0", 6);
-  EXPECT_NE(WhyNoText(utf16).find("UTF-8"), std::string::npos);
-  EXPECT_NE(WhyNoText(std::string("w\0i\0", 4)).find("UTF-8"), std::string::npos);
-  EXPECT_NE(WhyNoText("\xef\xbb\xbf <?xml version=\"1.0\"?>").find("XML"), std::string::npos);
+  EXPECT_TRUE(Has(WhyNoText(utf16), "UTF-8"));
+  EXPECT_TRUE(Has(WhyNoText(std::string("w\0i\0", 4)), "UTF-8"));
+  EXPECT_TRUE(Has(WhyNoText("\xef\xbb\xbf <?xml version=\"1.0\"?>"), "XML"));
   for (const char* text : {"", "<OBCameraParam depth", "\xef\xbb\xbf{\"fx\": 1}", "K: [1]"})
     EXPECT_EQ(WhyNoText(text), "") << text;
   ExpectError<DataError>([&] { ParseIntrinsicsText(utf16, "k.txt", {4, 3}); }, {"k.txt", "UTF-16"});
 }
-
-}  // namespace
-}  // namespace volalign::intrinsics_file_test
-
-namespace volalign::formats_internal::printed_intrinsics_test {
-namespace {
 
 TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
   const std::optional<Intrinsics> found = FromPyrealsense(
@@ -332,12 +327,6 @@ TEST(FromPyorbbec, ReordersTheLens) {
   EXPECT_THROW(FromPyorbbec("<OBCameraParam depth_intrinsic < fx=1 >", "a.txt"), DataError);
 }
 
-}  // namespace
-}  // namespace volalign::formats_internal::printed_intrinsics_test
-
-namespace volalign::kinect_calibration_test {
-namespace {
-
 std::string Camera(const std::string& is, const std::string& rt) {
   return "{" + is + ", \"Rt\": " + rt + "}";
 }
@@ -413,12 +402,6 @@ TEST(FindKinectCamera, GoesByPurposeOrLocation) {
   EXPECT_EQ(FindKinectCamera(root, KinectCamera::kDepth, "file")["Rt"].as<int>(), 2);
 }
 
-}  // namespace
-}  // namespace volalign::kinect_calibration_test
-
-namespace volalign::formats_internal::lens_names_test {
-namespace {
-
 using Numbers = std::vector<double>;
 
 TEST(NamedLens, TakesOpencvsModelsUnderTheirNames) {
@@ -445,4 +428,4 @@ TEST(NamedLens, HasAtMostEightCoefficients) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal::lens_names_test
+}  // namespace volalign::intrinsics_file_test

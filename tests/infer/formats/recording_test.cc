@@ -30,12 +30,14 @@
 namespace volalign::recording_test {
 namespace {
 
+using namespace bag_writer;
+using namespace formats_internal;
+
 constexpr char kBag[] = "tests/infer/formats/recordings/realsense.bag";
 constexpr char kDb3[] = "tests/infer/formats/recordings/realsense.db3";
 constexpr char kMkv[] = "tests/infer/formats/recordings/kinect.mkv";
 
 TEST(KindOfDevice, IsOfTheNameThatADeviceHas) {
-  using formats_internal::KindOfDevice;
   EXPECT_EQ(KindOfDevice("Intel RealSense D435I"), "realsense_d435");
   EXPECT_EQ(KindOfDevice("Intel RealSense D455"), "realsense_d455");
   EXPECT_EQ(KindOfDevice("Orbbec Femto Bolt"), "orbbec_femto_bolt");
@@ -126,25 +128,20 @@ TEST(RecordingTest, Db3OfViews) {
   constexpr char kForEver[] =
       "CREATE VIEW messages(id, topic_id, timestamp, data) AS WITH RECURSIVE n(i) AS "
       "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, 2, i, 'x' FROM n;";
-  ExpectError<DataError>([&] { ReadRecording(Db3Of(folder, std::string(kTopics) + kForEver), 3); },
-                         {"made.db3", "table messages"});
-  ExpectError<DataError>(
-      [&] {
-        ReadRecording(Db3Of(folder, std::string(kMessages) +
-                                        "CREATE VIEW topics AS SELECT 1 AS id, '/depth' AS name, "
-                                        "'' AS type, 'cdr' AS serialization_format;"),
-                      3);
-      },
-      {"made.db3", "table topics"});
-  ExpectError<DataError>(
-      [&] {
-        ReadRecording(Db3Of(folder, std::string(kTopics) +
-                                        "CREATE TABLE messages(id INTEGER, topic_id INTEGER, "
-                                        "timestamp INTEGER, data AS (zeroblob(900000000)));"
-                                        "INSERT INTO messages VALUES(1, 1, 1);"),
-                      3);
-      },
-      {"made.db3", "column data", "computed"});
+  const auto expect = [&](const std::string& sql, std::initializer_list<std::string> parts) {
+    const std::string file = Db3Of(folder, sql);
+    EXPECT_TRUE(Has(ExpectError<DataError>([&] { ReadRecording(file, 3); }, parts), "made.db3"));
+  };
+  expect(std::string(kTopics) + kForEver, {"table messages"});
+  expect(std::string(kMessages) +
+             "CREATE VIEW topics AS SELECT 1 AS id, '/depth' AS name, "
+             "'' AS type, 'cdr' AS serialization_format;",
+         {"table topics"});
+  expect(std::string(kTopics) +
+             "CREATE TABLE messages(id INTEGER, topic_id INTEGER, "
+             "timestamp INTEGER, data AS (zeroblob(900000000)));"
+             "INSERT INTO messages VALUES(1, 1, 1);",
+         {"column data", "computed"});
 }
 
 TEST(RecordingTest, Db3HasLimits) {
@@ -154,7 +151,7 @@ TEST(RecordingTest, Db3HasLimits) {
   const std::string many = Db3Of(folder, sql + "COMMIT;");
   const auto read = [&](std::uint64_t steps) {
     ReadBudget budget(steps);
-    return formats_internal::ReadRos2Recording(many, "made.db3", 3, &budget);
+    return ReadRos2Recording(many, "made.db3", 3, &budget);
   };
   EXPECT_TRUE(read(1000000).streams.empty());
   ExpectError<DataError>([&] { read(2000); }, {"made.db3", "interrupted"});
@@ -333,7 +330,7 @@ TEST(RecordingTest, DamagedRecordings) {
         left = ReadRecording(path, 10);
         reads += !left.empty();
       } catch (const Error& error) {
-        EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+        EXPECT_FALSE(Has(error.what(), "\n"));
         ++errors;
       }
       return left;
@@ -368,14 +365,7 @@ TEST(RecordingTest, DamagedRecordings) {
   ExpectError<IoError>([&] { ReadRecording(folder / "none.bag", 1); }, {"none.bag"});
 }
 
-}  // namespace
-}  // namespace volalign::recording_test
-
 // A bag written by hand, after wiki.ros.org/Bags/Format/2.0.
-namespace volalign::formats_internal::ros_bag_test {
-namespace {
-
-using namespace bag_writer;
 
 /// "topic type message" of each.
 std::vector<std::string> MessagesOf(RosBag& bag, std::size_t most = 100) {
@@ -439,12 +429,6 @@ TEST(RosBag, SaysWhatIsDamaged) {
   EXPECT_THROW(RosBag(folder / "none.bag", "none.bag", &budget), IoError);
 }
 
-}  // namespace
-}  // namespace volalign::formats_internal::ros_bag_test
-
-namespace volalign::formats_internal::ros_depth_test {
-namespace {
-
 TEST(IsDepth, GoesByTheEncodingAndTheName) {
   EXPECT_TRUE(IsDepth("/a", "16UC1"));
   EXPECT_TRUE(IsDepth("/a", "32FC1"));
@@ -459,20 +443,28 @@ TEST(IsDepth, GoesByTheEncodingAndTheName) {
     EXPECT_TRUE(IsDepth(depth, "16UC1")) << depth;
 }
 
-TEST(DecodeImage, ReadsRowsOfAnyStepInEitherByteOrder) {
+RosImage ImageOf(std::uint32_t width, std::uint32_t height, const std::string& encoding,
+                 std::string_view data) {
   RosImage image;
-  image.width = 2;
-  image.height = 2;
-  image.step = 5;  // a byte that is not the picture's
-  image.encoding = "16UC1";
+  image.width = width;
+  image.height = height;
+  image.step = static_cast<std::uint32_t>(data.size()) / height;
+  image.encoding = encoding;
+  image.data = data;
+  return image;
+}
+
+std::vector<float> Values(const StoredDepth& depth) {
+  return {depth.values.begin(), depth.values.end()};
+}
+
+TEST(DecodeImage, ReadsRowsOfAnyStepInEitherByteOrder) {
   const std::string little("\x01\x02\x03\x00x\x00\x00\xff\x00x", 10);
-  image.data = little;
+  RosImage image = ImageOf(2, 2, "16UC1", little);
+  image.step = 5;  // a byte that is not the picture's
   StoredDepth depth = DecodeImage(image, "file");
   EXPECT_TRUE(depth.whole_numbers);
-  EXPECT_EQ(depth.values(0, 0), 0x201);
-  EXPECT_EQ(depth.values(1, 0), 3);
-  EXPECT_EQ(depth.values(0, 1), 0);
-  EXPECT_EQ(depth.values(1, 1), 255);
+  EXPECT_EQ(Values(depth), (std::vector<float>{0x201, 3, 0, 255}));
   image.big_endian = true;
   depth = DecodeImage(image, "file");
   EXPECT_EQ(depth.values(0, 0), 0x102);
@@ -488,16 +480,9 @@ TEST(DecodeImage, FloatsThatAreNoMeasurementAreZero) {
   const float values[] = {1.25F, std::nanf(""), std::numeric_limits<float>::infinity(), -1};
   std::string bytes(sizeof(values), '\0');
   std::memcpy(bytes.data(), values, sizeof(values));
-  RosImage image;
-  image.width = 4;
-  image.height = 1;
-  image.step = 16;
-  image.encoding = "32FC1";
-  image.data = bytes;
-  const StoredDepth depth = DecodeImage(image, "file");
+  const StoredDepth depth = DecodeImage(ImageOf(4, 1, "32FC1", bytes), "file");
   EXPECT_FALSE(depth.whole_numbers);
-  EXPECT_EQ(depth.values(0, 0), 1.25F);
-  for (int u = 1; u < 4; ++u) EXPECT_EQ(depth.values(u, 0), 0) << u;
+  EXPECT_EQ(Values(depth), (std::vector<float>{1.25F, 0, 0, 0}));
 }
 
 CameraInfo Info(double fx, const std::vector<double>& lens) {
@@ -527,10 +512,7 @@ TEST(DescribeStreams, TakesWhatSharesMostOfTheTopic) {
   const std::vector<RecordedDepth> streams = DescribeStreams(content, "file").streams;
   ASSERT_EQ(streams.size(), 2u);
   ASSERT_TRUE(streams[0].intrinsics);
-  EXPECT_EQ(streams[0].intrinsics->fx, 500);
-  EXPECT_EQ(streams[0].intrinsics->fy, 501);
-  EXPECT_EQ(streams[0].intrinsics->cx, 319);
-  EXPECT_EQ(streams[0].intrinsics->cy, 239);
+  EXPECT_EQ(*streams[0].intrinsics, Info(500, std::vector<double>(5, 0.0)).raw);
   EXPECT_EQ(streams[0].depth_scale, 0.001);  // as it was written, not as a float has it
   EXPECT_EQ(streams[0].device, "Intel RealSense D415");
   EXPECT_EQ(streams[0].serial, "123");
@@ -559,14 +541,10 @@ TEST(DescribeStreams, ARectifiedImageHasTheCameraWithoutTheLens) {
     RosContent content;
     const std::string topic = std::string("/camera/depth/") + name;
     AddStream(topic, "", &content);
-    content.infos["/camera/depth/camera_info"] = Info(500, {0.1, 0, 0, 0, 0});
+    const CameraInfo info = Info(500, {0.1, 0, 0, 0, 0});
+    content.infos["/camera/depth/camera_info"] = info;
     const Intrinsics found = DescribeStreams(content, "file").streams[0].intrinsics.value();
-    const bool rectified = std::string(name) == "image_rect";
-    EXPECT_EQ(found.fx, rectified ? 250 : 500);
-    EXPECT_EQ(found.fy, rectified ? 251 : 501);
-    EXPECT_EQ(found.cx, rectified ? 318 : 319);
-    EXPECT_EQ(found.cy, rectified ? 238 : 239);
-    EXPECT_EQ(found.distortion[0], rectified ? 0 : 0.1);
+    EXPECT_EQ(found, std::string(name) == "image_rect" ? info.rectified : info.raw) << name;
   }
 }
 
@@ -578,12 +556,6 @@ TEST(RealSenseTopics, AreKnownByTheirNames) {
   EXPECT_TRUE(IsDepthUnits("/device_0/sensor_0/option/Depth_Units/value"));
   EXPECT_FALSE(IsDepthUnits("/device_0/sensor_0/option/Depth Units/description"));
 }
-
-}  // namespace
-}  // namespace volalign::formats_internal::ros_depth_test
-
-namespace volalign::read_budget_test {
-namespace {
 
 TEST(ReadBudget, IsOfAllPartsTogether) {
   ReadBudget budget(100);
@@ -629,17 +601,9 @@ TEST(ReadBudget, CountsThePixelsOfImages) {
 
 TEST(UnpackZstd, SaysWhatIsDamaged) {
   ReadBudget budget;
-  ExpectError<DataError>(
-      [&] { formats_internal::UnpackZstd("\x28\xb5\x2f\xfd", 100, "a", &budget); }, {"a: damaged"});
-  ExpectError<DataError>([&] { formats_internal::UnpackZstd("none", 100, "a", &budget); },
-                         {"a: damaged"});
+  for (const char* packed : {"\x28\xb5\x2f\xfd", "none"})
+    ExpectError<DataError>([&] { UnpackZstd(packed, 100, "a", &budget); }, {"a: damaged"});
 }
-
-}  // namespace
-}  // namespace volalign::read_budget_test
-
-namespace volalign::formats_internal {
-namespace {
 
 using std::string_view_literals::operator""sv;  // NOLINT(misc-unused-using-decls): it is used
 
@@ -677,4 +641,4 @@ TEST(ByteReader, GivesNothingBeyondTheEnd) {
 }
 
 }  // namespace
-}  // namespace volalign::formats_internal
+}  // namespace volalign::recording_test

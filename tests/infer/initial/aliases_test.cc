@@ -15,7 +15,7 @@
 namespace volalign::aliases_test {
 namespace {
 
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 bool Inside(const Structure& structure, const Eigen::Vector3d& p, double slack) {
   return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
@@ -107,11 +107,10 @@ std::vector<Eigen::Vector3d> CornersOf(const Box& box, const Pose& motion) {
   std::vector<Eigen::Vector3d> corners;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
-      for (const double z : {-0.5, 0.5}) {
+      for (const double z : {-0.5, 0.5})
         corners.push_back(motion *
                           (box.structure_from_box *
                            Eigen::Vector3d(Eigen::Vector3d(x, y, z).cwiseProduct(box.size))));
-      }
     }
   }
   return corners;
@@ -230,9 +229,8 @@ TEST(FindAliases, FiftyOneBoxesTakeFarLessThanToTryEachMotion) {
     const std::vector<StructureAlias> aliases = FindAliases(structure);
     const std::clock_t found = std::clock();
     int tried = 0;
-    for (std::size_t a = 0; a < aliases.size(); a += 1 + aliases.size() / 100, ++tried) {
+    for (std::size_t a = 0; a < aliases.size(); a += 1 + aliases.size() / 100, ++tried)
       EXPECT_EQ(aliases[a].boxes, CountMoved(structure, aliases[a].motion)) << structure.name();
-    }
     if (tried > 20) {
       by_definition = 60000. / tried * static_cast<double>(std::clock() - found);
     }

@@ -15,6 +15,7 @@
 #include "infer/initial/pose_choice.h"
 #include "infer/initial/pose_sources.h"
 #include "infer/initial/rig_choice.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::testing_infer {
@@ -53,9 +54,7 @@ inline bool Contains(const std::vector<GeometricPose>& poses, const Pose& truth)
 inline void ExpectChosen(const PoseChoice& choice, const Pose& truth) {
   ASSERT_TRUE(choice.found);
   EXPECT_FALSE(choice.ambiguous);
-  const PoseError error = ComparePoses(choice.best.structure_from_sensor, truth);
-  EXPECT_LT(error.translation_m, 0.05);
-  EXPECT_LT(error.rotation_deg, 2);
+  EXPECT_TRUE(Within(ComparePoses(choice.best.structure_from_sensor, truth), 0.05, 2));
 }
 
 /// A box that stands with its foot at y, m; turned about the vertical.

@@ -13,16 +13,7 @@
 namespace volalign::geometry_search_test {
 namespace {
 
-using testing_infer::Choose;
-using testing_infer::Contains;
-using testing_infer::ExpectChosen;
-using testing_infer::Find;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RandomStack;
-using testing_infer::RingPose;
-using testing_infer::See;
-using testing_infer::Standing;
+using namespace testing_infer;
 
 TEST(FindPosesByGeometry, TheFloorDecidesBetweenThePapersStackAndItUpsideDown) {
   const Structure structure = PaperStructure();

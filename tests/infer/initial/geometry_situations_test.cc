@@ -1,30 +1,31 @@
-// What a user's room does to the search for a first pose by geometry: whatever is found has to be
-// the true pose, or one of several that the sensor is then ambiguous between.
-
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/base/odds.h"
+#include "core/geometry/visibility.h"
+#include "infer/calib/calibrate.h"
+#include "infer/initial/pose_choice.h"
+#include "infer/initial/relabel.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::geometry_situations_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::Choose;
-using testing_infer::Contains;
-using testing_infer::ExpectChosen;
-using testing_infer::Find;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RandomStack;
-using testing_infer::Render;
-using testing_infer::RingPose;
-using testing_infer::SyntheticView;
+using namespace testing_infer;
+
+// What a user's room does to the search for a first pose by geometry: whatever is found has to be
+// the true pose, or one of several that the sensor is then ambiguous between.
 
 /// From where something near hides a part of the picture.
 enum class From { kLeft, kRight, kBelow };
@@ -34,23 +35,19 @@ enum class From { kLeft, kRight, kBelow };
 void Hide(double share, From from, SyntheticView* view) {
   const bool columns = from == From::kBelow;
   std::vector<int> at;
-  for (int v = 0; v < view->depth.height(); ++v) {
-    for (int u = 0; u < view->depth.width(); ++u) {
-      if (view->labels(u, v) > 0) at.push_back(columns ? u : v);
-    }
+  for (const auto [u, v] : Pixels(view->depth)) {
+    if (view->labels(u, v) > 0) at.push_back(columns ? u : v);
   }
   ASSERT_FALSE(at.empty());
   std::sort(at.begin(), at.end());
   const bool from_zero = from == From::kLeft;
   const auto edge = static_cast<double>(at.size() - 1) * (from_zero ? share : 1 - share);
   const int limit = at[static_cast<std::size_t>(edge)];
-  for (int v = 0; v < view->depth.height(); ++v) {
-    for (int u = 0; u < view->depth.width(); ++u) {
-      const int place = columns ? u : v;
-      if (from_zero ? place >= limit : place <= limit) continue;
-      view->depth(u, v) = 0.6f;
-      view->labels(u, v) = 0;
-    }
+  for (const auto [u, v] : Pixels(view->depth)) {
+    const int place = columns ? u : v;
+    if (from_zero ? place >= limit : place <= limit) continue;
+    view->depth(u, v) = 0.6f;
+    view->labels(u, v) = 0;
   }
 }
 
@@ -64,9 +61,7 @@ SensorView Measured(SyntheticView view) {
 void ExpectNotWrong(const PoseChoice& choice, const Pose& truth, bool sees_little = false) {
   if (!choice.found || choice.ambiguous) return;
   if (!sees_little) return ExpectChosen(choice, truth);
-  const PoseError error = ComparePoses(choice.best.structure_from_sensor, truth);
-  EXPECT_LT(error.translation_m, 0.1);
-  EXPECT_LT(error.rotation_deg, 5);
+  EXPECT_TRUE(Within(ComparePoses(choice.best.structure_from_sensor, truth), 0.1, 5));
 }
 
 TEST(Situations, HalfHidden) {
@@ -117,19 +112,218 @@ TEST(Situations, AFloorThatIsUnevenByTwoCentimetres) {
     const Pose truth = RingPose(20.0 + 90 * i, 2.2, 0.4);
     SyntheticView seen = Render(structure, Kinect(), truth, {true, 3.5});
     const SensorView exact = MakeSensorView(seen.depth, Kinect());
-    for (int v = 0; v < exact.height(); ++v) {
-      for (int u = 0; u < exact.width(); ++u) {
-        if (seen.labels(u, v) > 0 || !(exact.depth(u, v) > 0)) continue;
-        const Eigen::Vector3d p = truth * exact.Point(u, v);
-        const double fall = truth.translation().y() - p.y();
-        if (p.y() > structure.FloorHeight() + 0.001 || !(fall > 0.1)) continue;
-        // Along the ray, so that the floor is higher by this.
-        const double bump = 0.02 * std::sin(7 * p.x()) * std::cos(6 * p.z() + 1);
-        seen.depth(u, v) *= static_cast<float>(1 - bump / fall);
-      }
+    for (const auto [u, v] : Pixels(exact)) {
+      if (seen.labels(u, v) > 0 || !(exact.depth(u, v) > 0)) continue;
+      const Eigen::Vector3d p = truth * exact.Point(u, v);
+      const double fall = truth.translation().y() - p.y();
+      if (p.y() > structure.FloorHeight() + 0.001 || !(fall > 0.1)) continue;
+      // Along the ray, so that the floor is higher by this.
+      const double bump = 0.02 * std::sin(7 * p.x()) * std::cos(6 * p.z() + 1);
+      seen.depth(u, v) *= static_cast<float>(1 - bump / fall);
     }
     ExpectChosen(Choose(Measured(seen), structure), truth);
   }
+}
+
+Pose Upright(double yaw_deg, double height) {
+  Pose pose = Pose::Identity();
+  pose.linear() =
+      Eigen::AngleAxisd(yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  pose.translation().y() = height;
+  return pose;
+}
+
+Pose UpsideDown() {
+  Pose pose = Pose::Identity();
+  pose.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal();
+  return pose;
+}
+
+TEST(PosesOfTrials, AreThoseThatWereFoundAndTheirAliases) {
+  const auto initial = [](bool found, double height) {
+    InitialPose pose;
+    pose.found = found;
+    pose.structure_from_sensor = Upright(0, height);
+    return pose;
+  };
+  const InitialPose one = initial(true, 1), two = initial(true, 2), none = initial(false, 4);
+  // Nothing was measured or labelled, so that no pose is estimated again.
+  const SensorView view = MakeSensorView(DepthImage(20, 10), Coarse());
+  const SegmentationResult labels = Certain(LabelImage(20, 10));
+  const std::vector<PoseTrial> trials = {{&labels, &none}, {&labels, &two}, {&labels, &one}};
+  std::vector<StructureAlias> aliases(2);
+  aliases[0].motion = UpsideDown();
+  aliases[1].motion = Upright(90, 0.4);
+  const auto poses_of = [&](const std::vector<PoseTrial>& of, bool known_up) {
+    return PosesOfTrials(view, PaperStructure(), aliases, of, known_up, {});
+  };
+  const std::vector<PoseCandidate> all = poses_of(trials, false);
+  const std::vector<std::pair<std::size_t, int>> expected = {{1, -1}, {1, 0}, {1, 1},
+                                                             {2, -1}, {2, 0}, {2, 1}};
+  ASSERT_EQ(all.size(), expected.size());
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    EXPECT_EQ(all[k].trial, expected[k].first) << k;
+    EXPECT_EQ(all[k].alias, expected[k].second) << k;
+  }
+  EXPECT_NEAR(all[0].structure_from_sensor.translation().y(), 2, 1e-12);
+  EXPECT_NEAR(all[1].structure_from_sensor.translation().y(), -2, 1e-12);
+  EXPECT_NEAR(all[2].structure_from_sensor.translation().y(), 2.4, 1e-12);
+
+  const std::vector<PoseCandidate> upright = poses_of(trials, true);
+  ASSERT_EQ(upright.size(), 4u);
+  for (const PoseCandidate& pose : upright) EXPECT_NE(pose.alias, 0);
+  EXPECT_TRUE(poses_of({{&labels, &none}}, false).empty());
+}
+
+// A rendered view of the paper's stack, labelled rightly in one orientation, not at all in another,
+// and as a step of its spiral has it in a third.
+TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
+  const Structure structure = PaperStructure();
+  const Pose truth = RingPose(40);
+  const Intrinsics kinect = Kinect();
+  const auto rendered = Render(structure, kinect, truth, {true, 3.5});
+  const SensorView view = MakeSensorView(rendered.depth, kinect);
+  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  const auto step = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return alias.keeps_up(); });
+  const auto over = std::find_if(aliases.begin(), aliases.end(),
+                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
+  ASSERT_NE(step, aliases.end());
+  ASSERT_NE(over, aliases.end());
+  const SegmentationResult right = Certain(rendered.labels), empty = Certain(LabelImage(320, 288)),
+                           shifted = Relabelled(right, *step);
+  const InitialPose initial;
+  std::vector<PoseCandidate> poses(4);
+  poses[0].structure_from_sensor = truth;
+  poses[1].structure_from_sensor = step->motion * truth;
+  poses[2].structure_from_sensor = over->motion * truth;
+  poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
+  poses[3].trial = 2;
+  const auto weigh = [&](const std::vector<PoseTrial>& trials) {
+    WeighPoses(view, structure, aliases, trials, {}, &poses);
+  };
+  const double decisive = std::log(kDecisiveOdds);
+  weigh({{&empty, &initial}, {&right, &initial}, {&shifted, &initial}});
+  // A step that moves three of four boxes onto boxes leaves the fourth unexplained, and the floor
+  // is a box lower; upside down every box is one, and only the floor tells.
+  EXPECT_GT(poses[0].by_outline, poses[1].by_outline + decisive);
+  EXPECT_GT(poses[0].by_floor, poses[1].by_floor + decisive);
+  EXPECT_GT(poses[0].by_floor, poses[2].by_floor + decisive);
+  EXPECT_NEAR(poses[0].by_depth, poses[2].by_depth, 0.5);
+  EXPECT_NEAR(poses[0].by_outline, poses[2].by_outline, 0.5);
+  // Labels: of the trial that knows the pose, and of the pose's own, as they are.
+  EXPECT_GT(poses[0].by_labels, 2);
+  EXPECT_GT(poses[1].by_labels, 0) << "the third trial names its sides";
+  EXPECT_LT(poses[2].by_labels, -decisive);
+  EXPECT_EQ(poses[0].by_own_labels, 0) << "the first trial has no labels";
+  EXPECT_LT(poses[3].by_own_labels, -decisive);
+  poses[3].alias = static_cast<int>(step - aliases.begin());
+  weigh({{&empty, &initial}, {&empty, &initial}, {&right, &initial}});
+  EXPECT_LT(poses[3].by_own_labels, -decisive) << "renamed";
+  EXPECT_GT(poses[3].by_labels, 2) << "as they are";
+  // Without a trial there are no labels.
+  for (PoseCandidate& pose : poses) pose.source = PoseSource::kGeometry;
+  weigh({});
+  EXPECT_EQ(poses[0].by_outline, 0);
+  EXPECT_EQ(poses[0].by_labels, 0);
+}
+
+/// A wide picture that cuts the stack off at the top and the bottom.
+Intrinsics Wide() { return {320, 180, 230, 230, 159.5, 89.5, {}}; }
+
+Pose WidePose(double phi_deg) {
+  return RingPose(phi_deg, 1.65, 0, 0, Eigen::Vector3d(-0.05, -0.1, 0));
+}
+
+/// Labels that a network gives that takes the structure for the alias: those of the structure as
+/// seen from the moved pose, where the depths are the same.
+LabelImage LabelsAs(const Rig& rig, const Pose& motion) {
+  const SensorFrame& frame = rig.frames.back();
+  LabelImage labels =
+      CastView(rig.structure, ComputeRays(frame.intrinsics), motion * *frame.ground_truth).labels;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    if (rig.labels.back()[i] == 0) labels[i] = 0;
+  }
+  return labels;
+}
+
+FrameResult CalibrateAs(const Rig& rig, const LabelImage& labels) {
+  StoredSegmenter segmenter;
+  segmenter.Store(rig.frames.back().depth, Certain(labels));
+  CalibrateOptions options;
+  return Calibrate(rig.frames, rig.structure, segmenter, options).sensors.front();
+}
+
+Rig WideRig(double phi_deg, int turns, const Scene& scene = {true, 3.0}) {
+  Rig rig{PaperStructure(), {}, {}};
+  rig.Add("S", WidePose(phi_deg), scene, Wide());
+  rig.frames.back().quarter_turns = turns;
+  return rig;
+}
+
+/// Without a floor, before walls of which only a band about the stack's middle is measured, so that
+/// the frame is much the same upside down.
+Rig BetweenWalls(int turns) {
+  Rig rig = WideRig(20, turns, {false, 3.0});
+  SensorFrame& frame = rig.frames.back();
+  const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
+  for (const auto [u, v] : Pixels(view)) {
+    const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
+    if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.5) frame.depth(u, v) = 0;
+  }
+  return rig;
+}
+
+// Rendered ground truth: the pose that the frame was cast from.
+TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForAnAlias) {
+  for (const double phi : {20.0, 250.0}) {
+    const Rig rig = WideRig(phi, kAutoTurns);
+    const std::vector<StructureAlias> aliases = FindAliases(rig.structure);
+    for (std::size_t a = 0; a < aliases.size() && aliases[a].boxes >= 3; ++a) {
+      const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, aliases[a].motion));
+      ASSERT_TRUE(sensor.structure_from_sensor.has_value())
+          << phi << " " << a << ": " << ToString(sensor.code) << ", " << sensor.reason;
+      EXPECT_TRUE(Within(*sensor.error, 0.02, 1)) << phi << " " << a;
+      EXPECT_NE(sensor.code, SensorCode::kAmbiguous) << phi << " " << a;
+      EXPECT_GT(sensor.label_iou, 0.6) << phi << " " << a;
+    }
+  }
+}
+
+TEST(CompetingPoses, AMixtureOfBoxesIsReconciled) {
+  const Rig rig = WideRig(20, kAutoTurns);
+  const std::vector<StructureAlias> aliases = FindAliases(rig.structure);
+  LabelImage labels = LabelsAs(rig, aliases[0].motion);
+  for (std::size_t a = 0; a < aliases.size(); ++a) {
+    if (aliases[a].boxes != 3 || !aliases[a].keeps_up()) continue;
+    const LabelImage others = LabelsAs(rig, aliases[a].motion);
+    for (const auto [u, v] : Pixels(labels.width(), labels.height() / 2))
+      labels(u, v) = others(u, v);
+    const FrameResult sensor = CalibrateAs(rig, labels);
+    ASSERT_TRUE(sensor.structure_from_sensor.has_value())
+        << ToString(sensor.code) << ", " << sensor.reason;
+    EXPECT_EQ(sensor.status, SensorStatus::kOk) << ToString(sensor.code);
+    EXPECT_LT(sensor.error->translation_m, 0.02);
+    EXPECT_GT(sensor.label_iou, 0.8);
+  }
+}
+
+// No floor: the frame is the same, to 5 mm, from both poses, and no answer is `ok`.
+TEST(CompetingPoses, WithoutAFloorUpAndDownStayOpen) {
+  for (const bool over : {false, true}) {
+    const Rig rig = BetweenWalls(kAutoTurns);
+    const Pose motion = over ? FindAliases(rig.structure).front().motion : Pose::Identity();
+    const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, motion));
+    ASSERT_TRUE(sensor.structure_from_sensor.has_value())
+        << ToString(sensor.code) << ", " << sensor.reason;
+    EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
+    EXPECT_TRUE(Has(sensor.reason, "upside down"));
+    EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
+  }
+  const Rig given = BetweenWalls(3);
+  const FrameResult sensor = CalibrateAs(given, given.labels.back());
+  EXPECT_EQ(sensor.status, SensorStatus::kOk) << ToString(sensor.code) << ", " << sensor.reason;
 }
 
 }  // namespace

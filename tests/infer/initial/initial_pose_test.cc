@@ -1,8 +1,8 @@
 #include "infer/initial/initial_pose.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Geometry>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,9 +14,11 @@
 #include "core/base/random.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
-#include "infer/initial/paper_pose.h"
 #include "infer/initial/view_fit.h"
+#include "infer/initial/visibility_correction.h"
 #include "tests/core/base/long_tests.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
@@ -24,15 +26,7 @@
 namespace volalign::initial_pose_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
-using testing_infer::RayThroughStrongLens;
-using testing_infer::Render;
-using testing_infer::RingPose;
-using testing_infer::StrongLens;
+using namespace testing_infer;
 
 struct Outcome {
   bool found = false;
@@ -56,28 +50,22 @@ TEST(InitialPose, PerfectLabelsGiveThePoseAllRound) {
       const auto rendered = Render(structure, Kinect(), truth);
       const Outcome outcome = Estimate(structure, truth, rendered.depth, rendered.labels);
       ASSERT_TRUE(outcome.found) << phi;
-      EXPECT_FALSE(!(outcome.error.translation_m < 0.008))  // up to 6.3 mm
-          << phi << ": " << outcome.error.translation_m;
-      EXPECT_FALSE(!(outcome.error.rotation_deg < 0.1))
-          << phi << ": " << outcome.error.rotation_deg;
+      EXPECT_TRUE(Within(outcome.error, 0.008, 0.1)) << phi;  // up to 6.3 mm
     }
   }
 }
 
 /// What a sensor with a lens sees, each ray by bisection and cast on its own.
-testing_infer::SyntheticView RenderThroughLens(const Structure& structure, const Intrinsics& lens,
-                                               const Pose& pose) {
-  testing_infer::SyntheticView view{DepthImage(lens.width, lens.height),
-                                    LabelImage(lens.width, lens.height)};
-  for (int v = 0; v < lens.height; ++v) {
-    for (int u = 0; u < lens.width; ++u) {
-      const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
-      const RayHit hit = CastRay(structure, pose.translation(),
-                                 pose.linear() * Eigen::Vector3d(ray.x(), ray.y(), 1));
-      if (hit.side < 0) continue;
-      view.depth(u, v) = static_cast<float>(hit.t);  // the ray has z = 1
-      view.labels(u, v) = structure.sides()[static_cast<std::size_t>(hit.side)].label;
-    }
+SyntheticView RenderThroughLens(const Structure& structure, const Intrinsics& lens,
+                                const Pose& pose) {
+  SyntheticView view{DepthImage(lens.width, lens.height), LabelImage(lens.width, lens.height)};
+  for (const auto [u, v] : Pixels(lens.width, lens.height)) {
+    const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
+    const RayHit hit = CastRay(structure, pose.translation(),
+                               pose.linear() * Eigen::Vector3d(ray.x(), ray.y(), 1));
+    if (hit.side < 0) continue;
+    view.depth(u, v) = static_cast<float>(hit.t);  // the ray has z = 1
+    view.labels(u, v) = structure.sides()[static_cast<std::size_t>(hit.side)].label;
   }
   return view;
 }
@@ -91,9 +79,7 @@ TEST(InitialPose, AStrongLensIsUndone) {
     const InitialPose pose = EstimateInitialPose(MakeSensorView(rendered.depth, lens),
                                                  Certain(rendered.labels), structure, {});
     ASSERT_TRUE(pose.found) << phi;
-    const PoseError error = ComparePoses(pose.structure_from_sensor, truth);
-    EXPECT_FALSE(!(error.translation_m < 0.002)) << phi << ": " << error.translation_m;
-    EXPECT_FALSE(!(error.rotation_deg < 0.1)) << phi << ": " << error.rotation_deg;
+    EXPECT_TRUE(Within(ComparePoses(pose.structure_from_sensor, truth), 0.002, 0.1)) << phi;
 
     Intrinsics pinhole = lens;
     pinhole.distortion.clear();
@@ -120,9 +106,7 @@ TEST(InitialPose, WithstandsWrongLabels) {
     }
     const Outcome outcome = Estimate(structure, truth, rendered.depth, rendered.labels);
     ASSERT_TRUE(outcome.found) << phi;
-    EXPECT_FALSE(!(outcome.error.translation_m < 0.02))
-        << phi << ": " << outcome.error.translation_m;
-    EXPECT_FALSE(!(outcome.error.rotation_deg < 0.5)) << phi << ": " << outcome.error.rotation_deg;
+    EXPECT_TRUE(Within(outcome.error, 0.02, 0.5)) << phi;
   }
 }
 
@@ -138,8 +122,7 @@ TEST(InitialPose, FourParallelSidesAndASliver) {
   }
   const Outcome outcome = Estimate(structure, truth, rendered.depth, rendered.labels);
   ASSERT_TRUE(outcome.found);
-  EXPECT_FALSE(!(outcome.error.translation_m < 0.01)) << outcome.error.translation_m;
-  EXPECT_FALSE(!(outcome.error.rotation_deg < 0.5)) << outcome.error.rotation_deg;
+  EXPECT_TRUE(Within(outcome.error, 0.01, 0.5));
 }
 
 TEST(InitialPose, NothingLabelledFindsNothing) {
@@ -152,28 +135,17 @@ TEST(InitialPose, NothingLabelledFindsNothing) {
   EXPECT_TRUE(pose.patches.empty());
 }
 
-}  // namespace
-}  // namespace volalign::initial_pose_test
-
-namespace volalign::paper_pose_test {
-namespace {
-
-using initial_pose_test::Estimate;
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::LabelOf;
-using testing_infer::LabelsOf;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+InitialPoseOptions Paper() {
+  InitialPoseOptions options;
+  options.method = PoseMethod::kPaper;
+  return options;
+}
 
 /// The paper's estimate is the least-squares pose between the medians of the sides' pixels, found
 /// here by sorting, and the centroids of what is exposed of them: every small step away from it
 /// raises the sum of squares.
 TEST(PaperPose, IsLeastSquaresOverMediansOfLargeSides) {
   const Structure structure = PaperStructure();
-  InitialPoseOptions options;
-  options.method = PoseMethod::kPaper;
   const auto rendered = Render(structure, Kinect(), RingPose(35));
   SegmentationResult segmentation = Certain(rendered.labels);
   // Unsure pixels count, a side of 1 pixel in 288 and less does not.
@@ -186,17 +158,15 @@ TEST(PaperPose, IsLeastSquaresOverMediansOfLargeSides) {
   }
   ASSERT_GT(kept, most);
   const SensorView view = MakeSensorView(rendered.depth, Kinect());
-  const InitialPose estimate = EstimateInitialPose(view, segmentation, structure, options);
+  const InitialPose estimate = EstimateInitialPose(view, segmentation, structure, Paper());
   ASSERT_TRUE(estimate.found);
   std::vector<Eigen::Vector3d> medians, keypoints;
   for (int label = 1; label < structure.num_classes(); ++label) {
     std::array<std::vector<double>, 3> coordinates;
-    for (int v = 0; v < view.height(); ++v) {
-      for (int u = 0; u < view.width(); ++u) {
-        if (segmentation.labels(u, v) != label || !(view.depth(u, v) > 0)) continue;
-        for (std::size_t i = 0; i < 3; ++i)
-          coordinates[i].push_back(view.Point(u, v)[static_cast<Eigen::Index>(i)]);
-      }
+    for (const auto [u, v] : Pixels(view)) {
+      if (segmentation.labels(u, v) != label || !(view.depth(u, v) > 0)) continue;
+      for (std::size_t i = 0; i < 3; ++i)
+        coordinates[i].push_back(view.Point(u, v)[static_cast<Eigen::Index>(i)]);
     }
     if (coordinates[0].size() <= most) continue;
     Eigen::Vector3d median;
@@ -232,38 +202,22 @@ TEST(PaperPose, FindsNothingInCollinearCentres) {
   for (std::uint8_t& label : labels) {
     if (std::find(kept.begin(), kept.end(), label) == kept.end()) label = 0;
   }
-  InitialPoseOptions options;
-  options.method = PoseMethod::kPaper;
-  EXPECT_FALSE(Estimate(structure, RingPose(35), rendered.depth, labels, options).found);
+  EXPECT_FALSE(Estimate(structure, RingPose(35), rendered.depth, labels, Paper()).found);
 }
 
 TEST(PaperPose, OursBeatsThePaperEstimate) {
   const Structure structure = PaperStructure();
-  InitialPoseOptions paper;
-  paper.method = PoseMethod::kPaper;
   double sum_paper = 0, sum_ours = 0;
   for (int phi = 15; phi < 360; phi += 45) {
     const Pose truth = RingPose(phi);
     const auto rendered = Render(structure, Kinect(), truth);
     sum_paper +=
-        Estimate(structure, truth, rendered.depth, rendered.labels, paper).error.translation_m;
+        Estimate(structure, truth, rendered.depth, rendered.labels, Paper()).error.translation_m;
     sum_ours += Estimate(structure, truth, rendered.depth, rendered.labels).error.translation_m;
   }
   EXPECT_LT(sum_ours, 0.05 * sum_paper);
   EXPECT_GT(sum_paper / 8, 0.01);  // hidden parts bias centroids by centimetres
 }
-
-}  // namespace
-}  // namespace volalign::paper_pose_test
-
-namespace volalign::view_fit_test {
-namespace {
-
-using testing_infer::PaperStructure;
-using testing_infer::RandomStack;
-using testing_infer::RingPose;
-using testing_infer::See;
-using testing_infer::Standing;
 
 ViewFit Measure(const SensorView& view, const Structure& structure, const Pose& pose) {
   const ViewFit shape = MeasureShape(PrepareSurface(view, structure), structure, pose);
@@ -306,9 +260,7 @@ TEST(ViewFit, WhatSomethingHidesContradictsNothing) {
   for (const int columns : {130, 150, 170, 190}) {
     SCOPED_TRACE(columns);
     SensorView view = whole;
-    for (int v = 0; v < view.height(); ++v) {
-      for (int u = 0; u < columns; ++u) view.depth(u, v) = 0.7f;
-    }
+    for (const auto [u, v] : Pixels(columns, view.height())) view.depth(u, v) = 0.7f;
     const ViewFit shape = Measure(view, structure, truth);
     EXPECT_GE(shape.found_planes, shape.open_planes - 1);
     hidden = std::max(hidden, shown - shape.open_planes);
@@ -323,8 +275,7 @@ TEST(ViewFit, OfOneThatThePicturesBorderCutsThePartWithinItCounts) {
   EXPECT_GT(Measure(See(structure, truth), structure, truth).LogOdds(), 0);
   const Structure box = Structure::FromBoxes(
       "box", {Standing("box", structure.boxes()[0].size, {0, structure.FloorHeight(), 0})});
-  EXPECT_TRUE(testing_infer::Find(See(box, truth), structure).empty())
-      << "a single box is no part of the stack";
+  EXPECT_TRUE(Find(See(box, truth), structure).empty()) << "a single box is no part of the stack";
 }
 
 /// A box 40 cm wide, 30 cm high and 20 cm deep, its front square to the axis of a sensor 2 m before
@@ -340,15 +291,8 @@ Pose Before() {
   return pose;
 }
 
-Intrinsics Camera() {
-  Intrinsics intrinsics;
-  intrinsics.width = 200;
-  intrinsics.height = 160;
-  intrinsics.fx = intrinsics.fy = 400;  // 5 mm a pixel at 2 m
-  intrinsics.cx = 99.5;
-  intrinsics.cy = 79.5;
-  return intrinsics;
-}
+/// 5 mm a pixel at 2 m.
+Intrinsics Camera() { return {200, 160, 400, 400, 99.5, 79.5, {}}; }
 
 /// Where a ray of this direction meets the plane of the front.
 struct Hit {
@@ -366,29 +310,27 @@ SensorSurface Front(float wall = 0) {
   surface.view = MakeSensorView(DepthImage(200, 160, wall), Camera());
   surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f(0, 0, -1));
   surface.room = Image<std::uint8_t>(200, 160, 0);
-  for (int v = 0; v < 160; ++v) {
-    for (int u = 0; u < 200; ++u) {
-      if (OnFront(u, v)) surface.view.depth(u, v) = 2;
-    }
+  for (const auto [u, v] : Pixels(200, 160)) {
+    if (OnFront(u, v)) surface.view.depth(u, v) = 2;
   }
   return surface;
 }
 
 /// Sets the depth of the part of the front where `part` says so.
 template <class Part>
-void SetDepth(float depth, const Part& part, SensorSurface* surface) {
-  for (int v = 0; v < 160; ++v) {
-    for (int u = 0; u < 200; ++u) {
-      if (OnFront(u, v) && part(HitOf(u, v))) surface->view.depth(u, v) = depth;
-    }
+void SetDepth(SensorSurface* surface, float depth, const Part& part) {
+  for (const auto [u, v] : Pixels(200, 160)) {
+    if (OnFront(u, v) && part(HitOf(u, v))) surface->view.depth(u, v) = depth;
   }
 }
 
 constexpr double kFront = kWidth * kHeight;
 
+ViewFit Measure(const SensorSurface& surface) { return MeasureShape(surface, Crate(), Before()); }
+
 TEST(MeasureShape, AreasAreThoseOfTheSurface) {
   for (const float wall : {0.0f, 4.0f}) {
-    const ViewFit fit = MeasureShape(Front(wall), Crate(), Before());
+    const ViewFit fit = Measure(Front(wall));
     EXPECT_NEAR(fit.explained, kFront, 0.02 * kFront);
     for (const double none : {fit.turned, fit.larger, fit.behind, fit.goes_on}) EXPECT_EQ(none, 0);
     EXPECT_EQ(fit.contradicted(), 0);
@@ -404,13 +346,12 @@ TEST(MeasureShape, AreasAreThoseOfTheSurface) {
 
 TEST(MeasureShape, LikeAnyOtherSensor) {
   // The same through half as many pixels, and moved together with the structure.
-  const Pose elsewhere = testing_infer::RingPose(50);
+  const Pose elsewhere = RingPose(50);
   Structure moved = Structure::FromBoxes(
       "crate",
       {Box{"c", Crate().boxes()[0].size, elsewhere * Crate().boxes()[0].structure_from_box}});
-  const ViewFit a = MeasureShape(Front(), Crate(), Before());
-  EXPECT_NEAR(MeasureShape(Decimate(Front(), 2), Crate(), Before()).explained, a.explained,
-              0.02 * a.explained);
+  const ViewFit a = Measure(Front());
+  EXPECT_NEAR(Measure(Decimate(Front(), 2)).explained, a.explained, 0.02 * a.explained);
   EXPECT_NEAR(MeasureShape(Front(), moved, elsewhere * Before()).explained, a.explained, 1e-6);
 }
 
@@ -419,7 +360,7 @@ TEST(MeasureShape, LikeAnyOtherSensor) {
 TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
   const Structure crate = Crate();
   const double faces = 0.4 * 0.3 + 0.2 * 0.3 + 0.2 * 0.4;
-  for (const Intrinsics& lens : {testing_infer::Kinect(), testing_infer::KinectWithLens()}) {
+  for (const Intrinsics& lens : {Kinect(), KinectWithLens()}) {
     for (const double aside_deg : {0.0, 18.0}) {
       SCOPED_TRACE(testing::Message() << lens.distortion.size() << " " << aside_deg);
       Pose pose = RingPose(45, 2.4, 2.85, 90, {0.1, 1.15, 0});
@@ -440,27 +381,24 @@ TEST(MeasureShape, AreasAreThoseOfObliqueFacesThroughAnyLens) {
 
 TEST(MeasureShape, SomethingBeforeItHidesIt) {
   SensorSurface surface = Front();
-  SetDepth(
-      1, [](const Hit& hit) { return hit.across < -0.1; }, &surface);
-  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  SetDepth(&surface, 1, [](const Hit& hit) { return hit.across < -0.1; });
+  const ViewFit fit = Measure(surface);
   EXPECT_NEAR(fit.explained, kFront * 3 / 4, 0.03 * kFront);
   EXPECT_EQ(fit.contradicted(), 0);
 }
 
 TEST(MeasureShape, SomethingBehindItContradicts) {
   SensorSurface surface = Front();
-  SetDepth(
-      3, [](const Hit& hit) { return hit.across < 0; }, &surface);
-  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  SetDepth(&surface, 3, [](const Hit& hit) { return hit.across < 0; });
+  const ViewFit fit = Measure(surface);
   // Without a border of 3 cm, where a pose that is not quite right sees behind as well.
   const double inner = (kWidth / 2 - 0.03) * (kHeight - 0.06);
   EXPECT_NEAR(fit.behind, inner, 0.03 * inner);
   EXPECT_NEAR(fit.explained, kFront / 2, 0.03 * kFront);
   EXPECT_EQ(fit.contradicted(), fit.behind);
   // A hole says nothing.
-  SetDepth(
-      0, [](const Hit& hit) { return hit.across < 0; }, &surface);
-  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).behind, 0);
+  SetDepth(&surface, 0, [](const Hit& hit) { return hit.across < 0; });
+  EXPECT_EQ(Measure(surface).behind, 0);
 }
 
 // At 2 m what is 4.9 cm before or behind is on the surface: 3 cm, and three times the 13 mm of a
@@ -468,18 +406,15 @@ TEST(MeasureShape, SomethingBehindItContradicts) {
 TEST(MeasureShape, HasATolerance) {
   for (const float depth : {1.96f, 2.04f}) {
     SensorSurface surface = Front();
-    SetDepth(
-        depth, [](const Hit&) { return true; }, &surface);
-    EXPECT_NEAR(MeasureShape(surface, Crate(), Before()).explained, kFront, 0.02 * kFront) << depth;
+    SetDepth(&surface, depth, [](const Hit&) { return true; });
+    EXPECT_NEAR(Measure(surface).explained, kFront, 0.02 * kFront) << depth;
   }
   SensorSurface before = Front(), behind = Front();
-  SetDepth(
-      1.94f, [](const Hit&) { return true; }, &before);
-  SetDepth(
-      2.3f, [](const Hit&) { return true; }, &behind);
-  const ViewFit hidden = MeasureShape(before, Crate(), Before());
+  SetDepth(&before, 1.94f, [](const Hit&) { return true; });
+  SetDepth(&behind, 2.3f, [](const Hit&) { return true; });
+  const ViewFit hidden = Measure(before);
   EXPECT_EQ(hidden.explained + hidden.contradicted(), 0);
-  EXPECT_GT(MeasureShape(behind, Crate(), Before()).behind, 0.5 * kFront);
+  EXPECT_GT(Measure(behind).behind, 0.5 * kFront);
 }
 
 TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
@@ -488,7 +423,7 @@ TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
     const double angle = deg * M_PI / 180;
     surface.normals = Image<Eigen::Vector3f>(
         200, 160, Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>());
-    return MeasureShape(surface, Crate(), Before());
+    return Measure(surface);
   };
   EXPECT_EQ(facing(40).turned, 0);
   const ViewFit turned = facing(50);
@@ -497,12 +432,12 @@ TEST(MeasureShape, SurfaceThatFacesElsewhereIsTurned) {
   EXPECT_EQ(turned.contradicted(), turned.turned / 2);
   // Where no normal is known, none contradicts.
   surface.normals = Image<Eigen::Vector3f>(200, 160, Eigen::Vector3f::Zero());
-  EXPECT_EQ(MeasureShape(surface, Crate(), Before()).turned, 0);
+  EXPECT_EQ(Measure(surface).turned, 0);
 }
 
 TEST(MeasureShape, APartOfAWallIsNoSide) {
   // The wall that the front would be a part of.
-  const ViewFit part = MeasureShape(Front(2), Crate(), Before());
+  const ViewFit part = Measure(Front(2));
   EXPECT_NEAR(part.larger, kFront, 0.02 * kFront);
   EXPECT_EQ(part.explained, 0);
   EXPECT_EQ(part.ends, 0);
@@ -511,15 +446,13 @@ TEST(MeasureShape, APartOfAWallIsNoSide) {
   // The same where MarkRoom has found a plane of the room.
   SensorSurface room = Front();
   room.room = Image<std::uint8_t>(200, 160, 1);
-  EXPECT_NEAR(MeasureShape(room, Crate(), Before()).larger, kFront, 0.02 * kFront);
+  EXPECT_NEAR(Measure(room).larger, kFront, 0.02 * kFront);
   // It goes on at one end alone: there it has no edge, and it is a side all the same.
   SensorSurface longer = Front();
-  for (int v = 0; v < 160; ++v) {
-    for (int u = 140; u < 200; ++u) {
-      if (std::abs(HitOf(u, v).up) < kHeight / 2) longer.view.depth(u, v) = 2;
-    }
+  for (const auto [u, v] : Pixels({140, 0}, {200, 160})) {
+    if (std::abs(HitOf(u, v).up) < kHeight / 2) longer.view.depth(u, v) = 2;
   }
-  const ViewFit three = MeasureShape(longer, Crate(), Before());
+  const ViewFit three = Measure(longer);
   EXPECT_NEAR(three.explained, kFront, 0.02 * kFront);
   EXPECT_NEAR(three.goes_on, 0.05 * (kHeight - 0.03), 0.03 * 0.05 * kHeight);
   EXPECT_EQ(three.found_planes, 3);
@@ -528,14 +461,12 @@ TEST(MeasureShape, APartOfAWallIsNoSide) {
 /// Sets depth and normal, turned by `deg` about the vertical, beside the front, where `part` says
 /// so.
 template <class Part>
-void SetBeside(float depth, double deg, const Part& part, SensorSurface* surface) {
+void SetBeside(SensorSurface* surface, float depth, double deg, const Part& part) {
   const double angle = deg * M_PI / 180;
-  for (int v = 0; v < 160; ++v) {
-    for (int u = 0; u < 200; ++u) {
-      if (OnFront(u, v) || !part(HitOf(u, v))) continue;
-      surface->view.depth(u, v) = depth;
-      surface->normals(u, v) = Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>();
-    }
+  for (const auto [u, v] : Pixels(200, 160)) {
+    if (OnFront(u, v) || !part(HitOf(u, v))) continue;
+    surface->view.depth(u, v) = depth;
+    surface->normals(u, v) = Eigen::Vector3d(std::sin(angle), 0, -std::cos(angle)).cast<float>();
   }
 }
 
@@ -543,12 +474,10 @@ void SetBeside(float depth, double deg, const Part& part, SensorSurface* surface
 TEST(MeasureShape, AShortStripBeyondABorderSaysNothing) {
   const auto measure = [](double height) {
     SensorSurface surface = Front();
-    SetBeside(
-        1, 0, [](const Hit&) { return true; }, &surface);
-    SetBeside(
-        2, 0, [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; },
-        &surface);
-    return MeasureShape(surface, Crate(), Before());
+    SetBeside(&surface, 1, 0, [](const Hit&) { return true; });
+    SetBeside(&surface, 2, 0,
+              [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; });
+    return Measure(surface);
   };
   const ViewFit strip = measure(0.2 * kHeight);
   EXPECT_NEAR(strip.explained, kFront, 0.02 * kFront);
@@ -560,10 +489,9 @@ TEST(MeasureShape, AShortStripBeyondABorderSaysNothing) {
 TEST(MeasureShape, WhatGoesOnFacesAsTheSideDoes) {
   const auto goes_on = [](double deg) {
     SensorSurface surface = Front();
-    SetBeside(
-        2, deg, [](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < kHeight / 2; },
-        &surface);
-    return MeasureShape(surface, Crate(), Before()).goes_on;
+    SetBeside(&surface, 2, deg,
+              [](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < kHeight / 2; });
+    return Measure(surface).goes_on;
   };
   const double end = 0.05 * (kHeight - 0.03);
   EXPECT_NEAR(goes_on(20), end, 0.05 * end);
@@ -574,10 +502,9 @@ TEST(MeasureShape, WhatGoesOnFacesAsTheSideDoes) {
 TEST(MeasureShape, AnEdgeEndsTwiceAsMuchAsItGoesOn) {
   const auto found_planes = [](double height) {
     SensorSurface surface = Front();
-    SetBeside(
-        2, 0, [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; },
-        &surface);
-    return MeasureShape(surface, Crate(), Before()).found_planes;
+    SetBeside(&surface, 2, 0,
+              [&](const Hit& hit) { return hit.across > 0 && std::abs(hit.up) < height / 2; });
+    return Measure(surface).found_planes;
   };
   EXPECT_EQ(found_planes(0.08), 4) << "ends 2.7 times as much";
   EXPECT_EQ(found_planes(0.12), 3) << "1.5 times";
@@ -600,9 +527,8 @@ TEST(MeasureShape, WhereTheStructureItselfIsABorderTellsNothing) {
 
 TEST(MeasureShape, AnEdgeThatSomethingHidesIsNotOpen) {
   SensorSurface surface = Front();
-  SetBeside(
-      1, 0, [](const Hit& hit) { return hit.across > kWidth / 2; }, &surface);
-  const ViewFit fit = MeasureShape(surface, Crate(), Before());
+  SetBeside(&surface, 1, 0, [](const Hit& hit) { return hit.across > kWidth / 2; });
+  const ViewFit fit = Measure(surface);
   EXPECT_EQ(fit.open_planes, 3);
   EXPECT_EQ(fit.found_planes, 3);
 }
@@ -631,5 +557,95 @@ TEST(ViewFit, WhatIsExplainedSpeaksForAPoseAndWhatContradictsAgainstIt) {
   EXPECT_LT(with(&ViewFit::found_planes, 7), 0);
 }
 
+/// Brute force: the mean of a grid of points on the side, 4 mm apart, of those to which a ray from
+/// the sensor is free and that lie in the picture.
+Eigen::Vector3d CentroidOfWhatIsSeen(const Structure& structure, const Side& side,
+                                     const Intrinsics& k, const Pose& pose) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  const int steps_u = static_cast<int>(side.half_u / 0.002);
+  const int steps_v = static_cast<int>(side.half_v / 0.002);
+  for (int i = 0; i < steps_u; ++i) {
+    for (int j = 0; j < steps_v; ++j) {
+      const Eigen::Vector3d p = side.centre +
+                                (2 * (i + 0.5) / steps_u - 1) * side.half_u * side.axis_u +
+                                (2 * (j + 0.5) / steps_v - 1) * side.half_v * side.axis_v;
+      const Eigen::Vector3d q = pose.inverse() * p;
+      const double u = k.fx * q.x() / q.z() + k.cx, v = k.fy * q.y() / q.z() + k.cy;
+      if (u < -0.5 || v < -0.5 || u > k.width - 0.5 || v > k.height - 0.5) continue;
+      const RayHit hit = CastRay(structure, pose.translation(), p - pose.translation());
+      if (hit.side < 0 || hit.t < 1 - 1e-6) continue;
+      sum += p;
+      ++count;
+    }
+  }
+  return sum / count;
+}
+
+TEST(VisibleKeypoints, AreCentroidsOfWhatIsSeen) {
+  const Structure structure = PaperStructure();
+  int far_from_centre = 0;
+  for (const double phi : {15.0, 130.0, 250.0}) {
+    const Pose pose = RingPose(phi, 1.6);
+    const auto rendered = Render(structure, Kinect(), pose);
+    const SensorView view = MakeSensorView(rendered.depth, Kinect());
+    const std::vector<SidePatch> patches =
+        CollectPatches(view, Certain(rendered.labels), structure);
+    const std::vector<Eigen::Vector3d> keypoints = VisibleKeypoints(view, patches, structure, pose);
+    ASSERT_EQ(keypoints.size(), patches.size());
+    for (std::size_t i = 0; i < patches.size(); ++i) {
+      const Side& side = structure.SideOfLabel(patches[i].label);
+      const Eigen::Vector3d towards = (pose.translation() - side.centre).normalized();
+      // Of a sliver, or at over 75 deg, a pixel more or less makes a centimetre.
+      if (patches[i].area < 0.02 || side.normal.dot(towards) < 0.26) continue;
+      const Eigen::Vector3d expected = CentroidOfWhatIsSeen(structure, side, Kinect(), pose);
+      EXPECT_LT((keypoints[i] - expected).norm(), 0.005) << phi << " " << side.name;
+      far_from_centre += (expected - side.centre).norm() > 0.03 ? 1 : 0;
+    }
+  }
+  EXPECT_GE(far_from_centre, 5);
+}
+
+TEST(VisibleKeypoints, StayThoseOfTheSideWhereThePoseShowsNothingOfIt) {
+  const Structure structure = PaperStructure();
+  const Pose pose = RingPose(20);
+  const auto rendered = Render(structure, Kinect(), pose);
+  const SensorView view = MakeSensorView(rendered.depth, Kinect());
+  const std::vector<SidePatch> patches = CollectPatches(view, Certain(rendered.labels), structure);
+  // From the other side of the structure.
+  const Pose other = RingPose(200);
+  const LabelImage seen = Render(structure, Kinect(), other).labels;
+  const std::vector<Eigen::Vector3d> keypoints = VisibleKeypoints(view, patches, structure, other);
+  int hidden = 0;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    if (std::find(seen.begin(), seen.end(), patches[i].label) != seen.end()) continue;
+    ++hidden;
+    EXPECT_EQ(keypoints[i], structure.SideOfLabel(patches[i].label).exposed_centroid);
+  }
+  EXPECT_GT(hidden, 0);
+}
+
+TEST(CorrectForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
+  const Structure structure = PaperStructure();
+  for (const double phi : {15.0, 130.0, 250.0}) {
+    const Pose truth = RingPose(phi);
+    const auto rendered = Render(structure, Kinect(), truth);
+    const SensorView view = MakeSensorView(rendered.depth, Kinect());
+    const std::vector<SidePatch> patches =
+        LargestPatches(CollectPatches(view, Certain(rendered.labels), structure));
+    const std::vector<Pose> candidates = FindCandidates(patches, structure, nullptr);
+    ASSERT_FALSE(candidates.empty()) << phi;
+    const auto corrected =
+        CorrectForVisibility(view, patches, structure, kMostKeypointError, candidates[0]);
+    ASSERT_TRUE(corrected.has_value()) << phi;
+    EXPECT_LT(ComparePoses(*corrected, truth).translation_m,
+              0.7 * ComparePoses(candidates[0], truth).translation_m)
+        << phi;
+  }
+  const auto none = CorrectForVisibility(MakeSensorView(DepthImage(320, 288), Kinect()), {},
+                                         structure, 0.2, RingPose(20));
+  EXPECT_FALSE(none.has_value());
+}
+
 }  // namespace
-}  // namespace volalign::view_fit_test
+}  // namespace volalign::initial_pose_test

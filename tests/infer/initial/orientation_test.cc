@@ -14,6 +14,8 @@
 #include "infer/initial/floor.h"
 #include "infer/initial/orientation_trials.h"
 #include "infer/initial/oriented_points.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -22,11 +24,8 @@
 namespace volalign::orientation_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+using namespace pose_internal;
+using namespace testing_infer;
 
 /// Labels a frame rightly in one orientation and finds nothing in the others.
 class OrientedSegmenter : public Segmenter {
@@ -135,9 +134,7 @@ TEST(LabelViews, APictureThatTheNetworkTakesForAStructureUpsideDownIsTurnedRound
   const Labelled labelled = frames.Label({kAutoTurns}).at(0);
   EXPECT_EQ(labelled.quarter_turns, 1);
   EXPECT_EQ(labelled.other_pose, "");
-  const PoseError error = ComparePoses(labelled.initial.structure_from_sensor, RingPose(40));
-  EXPECT_LT(error.translation_m, 0.02);
-  EXPECT_LT(error.rotation_deg, 1);
+  EXPECT_TRUE(Within(ComparePoses(labelled.initial.structure_from_sensor, RingPose(40)), 0.02, 1));
   for (std::size_t i = 0; i < seen.size(); ++i) {
     if (!(seen[i] > 0)) continue;
     ASSERT_EQ(labelled.segmentation.labels[i], frames.labels[0][i]);
@@ -153,18 +150,8 @@ TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {
   EXPECT_TRUE(labelled[1].initial.found);
 }
 
-}  // namespace
-}  // namespace volalign::orientation_test
-
 // Which views are tried in which orientations is seen through LabelViews (orientation_test.cc);
 // here, what a trial has to show.
-namespace volalign::pose_internal::orientation_trials_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::Render;
-using testing_infer::RingPose;
 
 OrientationTrial Trial(double by_view, double by_floor, bool found = true) {
   OrientationTrial trial;
@@ -195,31 +182,14 @@ TEST(BestTrial, IsTheOneForWhichMostSpeaks) {
   EXPECT_EQ(Best({Trial(2, 0, false)}), 0u);
 }
 
-/// Right in one orientation of each view, else nothing.
-class OneOrientation : public Segmenter {
- public:
-  using Segmenter::Segment;
-  std::vector<SegmentationResult> Segment(
-      const std::vector<SegmentationRequest>& requests) override {
-    std::vector<SegmentationResult> results;
-    for (const SegmentationRequest& request : requests) {
-      const auto& [turns, labels] = right.at(request.depth);
-      results.push_back(Certain(
-          request.quarter_turns == turns ? labels : LabelImage(labels.width(), labels.height())));
-    }
-    return results;
-  }
-  std::map<const DepthImage*, std::pair<int, LabelImage>> right;
-};
-
 TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
-  const Structure structure = testing_infer::PaperStructure();
+  const Structure structure = PaperStructure();
   const Intrinsics intrinsics = Kinect();
   const Pose truth = RingPose(40);
   const auto rendered = Render(structure, intrinsics, truth, {true, 3.5});
   const std::vector<SensorView> images(2, MakeSensorView(rendered.depth, intrinsics));
-  OneOrientation segmenter;
-  for (const SensorView& view : images) segmenter.right[&view.depth] = {2, rendered.labels};
+  OrientedSegmenter segmenter;
+  for (const SensorView& view : images) segmenter.answers[&view.depth] = {2, rendered.labels};
   // The second one's turns are given, wrongly, and are not doubted; a third is not usable.
   const std::vector<LabelRequest> views = {{&images[0], &intrinsics, kAutoTurns, true},
                                            {&images[1], &intrinsics, 1, true},
@@ -239,38 +209,24 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
     EXPECT_EQ(trial.initial.found, right);
     EXPECT_EQ(Settled(trial), right);
     if (!right) continue;
-    const PoseError error = ComparePoses(trial.initial.structure_from_sensor, truth);
-    EXPECT_LT(error.translation_m, 0.01);
-    EXPECT_LT(error.rotation_deg, 0.3);
+    EXPECT_TRUE(Within(ComparePoses(trial.initial.structure_from_sensor, truth), 0.01, 0.3));
     EXPECT_EQ(trial.segmentation.labels, rendered.labels);
     EXPECT_EQ(trial.by_floor, FloorMargin(images[0], structure, context.aliases,
                                           trial.initial.structure_from_sensor));
   }
 }
 
-}  // namespace
-}  // namespace volalign::pose_internal::orientation_trials_test
-
-namespace volalign::oriented_points_test {
-namespace {
-
-using testing_infer::RingPose;
-using testing_infer::See;
-using testing_infer::Standing;
-
 /// Of the rays that hit this box: those, and of them the marked ones.
 std::pair<int, int> CountMarked(const SensorSurface& surface, const Structure& structure, int box,
                                 const Pose& pose) {
   std::pair<int, int> counts;
   const ExpectedView seen = CastView(structure, surface.view.rays, pose);
-  for (int v = 0; v < surface.view.height(); ++v) {
-    for (int u = 0; u < surface.view.width(); ++u) {
-      const int label = seen.labels(u, v);
-      if (label == 0 || structure.SideOfLabel(label).box != box) continue;
-      if (!(surface.normals(u, v).squaredNorm() > 0)) continue;
-      ++counts.first;
-      counts.second += surface.room(u, v);
-    }
+  for (const auto [u, v] : Pixels(surface.view)) {
+    const int label = seen.labels(u, v);
+    if (label == 0 || structure.SideOfLabel(label).box != box) continue;
+    if (!(surface.normals(u, v).squaredNorm() > 0)) continue;
+    ++counts.first;
+    counts.second += surface.room(u, v);
   }
   return counts;
 }
@@ -296,4 +252,4 @@ TEST(MarkRoom, LargePartsOfLargePlanes) {
 }
 
 }  // namespace
-}  // namespace volalign::oriented_points_test
+}  // namespace volalign::orientation_test

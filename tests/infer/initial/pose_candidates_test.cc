@@ -14,15 +14,15 @@
 #include "infer/initial/rig_choice.h"
 #include "infer/initial/same_pose.h"
 #include "infer/initial/shape_check.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_candidates_test {
 namespace {
 
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// A side as a sensor at `pose` that saw all of it would have it.
 SidePatch WholeSide(const Structure& structure, const std::string& name, const Pose& pose) {
@@ -41,9 +41,7 @@ class PoseCandidates : public ::testing::Test {
   void Add(const std::string& name) { patches.push_back(WholeSide(structure, name, truth)); }
   std::vector<Eigen::Vector3d> Keypoints() const { return SideKeypoints(patches, structure); }
   void ExpectTruth(const Pose& pose) const {
-    const PoseError error = ComparePoses(pose, truth);
-    EXPECT_FALSE(!(error.translation_m < 1e-9)) << error.translation_m;
-    EXPECT_FALSE(!(error.rotation_deg < 1e-6)) << error.rotation_deg;
+    EXPECT_TRUE(Within(ComparePoses(pose, truth), 1e-9, 1e-6));
   }
 
   Structure structure = PaperStructure();
@@ -119,15 +117,6 @@ TEST_F(PoseCandidates, OneSideOrNoneGivesNoCandidate) {
   EXPECT_TRUE(FindCandidates(patches, structure, nullptr).empty());
 }
 
-}  // namespace
-}  // namespace volalign::pose_candidates_test
-
-namespace volalign::pose_sources_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::RingPose;
-
 Pose Moved(const Pose& pose, double x, double yaw) {
   Pose motion = Pose::Identity();
   motion.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -163,7 +152,7 @@ class Proposals : public testing::Test {
   const Pose truth_ = RingPose(40, 2.0, 0.6);
   const Pose half_turn_ = Moved(truth_, 0, M_PI);
   const Pose elsewhere_ = Moved(truth_, 0.3, 0);
-  const SensorView view_ = testing_infer::See(box_, truth_);
+  const SensorView view_ = See(box_, truth_);
   const LabelImage labels_ = LabelsAt(truth_, view_.errors);
 };
 
@@ -185,27 +174,13 @@ TEST_F(Proposals, OfGeometryStandInForAPoseThatLabelsDoNotSpeakFor) {
 // As a network labels what is beyond the distances that it was trained for.
 TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
   LabelImage few = LabelsAt(elsewhere_, view_.errors);
-  for (int v = 0; v < few.height(); ++v) {
-    for (int u = 0; u < few.width(); ++u) {
-      if (u / 4 % 3 > 0) few(u, v) = 0;
-    }
+  for (const auto [u, v] : Pixels(few)) {
+    if (u / 4 % 3 > 0) few(u, v) = 0;
   }
   const PoseChoice choice = Combined(elsewhere_, few);
   EXPECT_TRUE(IsChosen(choice, truth_) || IsChosen(choice, half_turn_));
   EXPECT_EQ(choice.best.source, PoseSource::kGeometry);
   EXPECT_TRUE(choice.ambiguous);
-}
-
-}  // namespace
-}  // namespace volalign::pose_sources_test
-
-namespace volalign::same_pose_test {
-namespace {
-
-/// The structure moved by that much along x, and turned about its vertical, as the sensor sees it.
-Pose Moved(const Pose& pose, double metres, double deg) {
-  return Eigen::Translation3d(metres, 0, 0) *
-         Eigen::AngleAxisd(deg * M_PI / 180, Eigen::Vector3d::UnitY()) * pose;
 }
 
 Structure Cube(double edge) {
@@ -214,7 +189,7 @@ Structure Cube(double edge) {
 }
 
 TEST(SamePose, FollowsFromTheSmallestEdge) {
-  const Pose pose = testing_infer::RingPose(30);
+  const Pose pose = RingPose(30);
   struct Case {
     double edge, same, other;
   };
@@ -225,18 +200,18 @@ TEST(SamePose, FollowsFromTheSmallestEdge) {
     EXPECT_FALSE(SamePose(Cube(c.edge), pose, Moved(pose, -c.other, 0))) << c.edge;
   }
   // A corner is 0.707 edges from the axis of the turn and moves by twice the sine of half of it.
-  EXPECT_TRUE(SamePose(Cube(0.3), pose, Moved(pose, 0, 41)));
-  EXPECT_FALSE(SamePose(Cube(0.3), pose, Moved(pose, 0, 42)));
+  EXPECT_TRUE(SamePose(Cube(0.3), pose, Moved(pose, 0, 41 * M_PI / 180)));
+  EXPECT_FALSE(SamePose(Cube(0.3), pose, Moved(pose, 0, 42 * M_PI / 180)));
 }
 
 TEST(SamePose, StepsOfASmallStackAreNone) {
   // A fifth of the paper's: its boxes are 8 cm high.
-  std::vector<Box> boxes = testing_infer::PaperStructure().boxes();
+  std::vector<Box> boxes = PaperStructure().boxes();
   for (Box& box : boxes) {
     box.size /= 5;
     box.structure_from_box.translation() /= 5;
   }
-  const Pose pose = testing_infer::RingPose(30, 0.8, 0.3);
+  const Pose pose = RingPose(30, 0.8, 0.3);
   EXPECT_FALSE(SamePose(Structure::FromBoxes("small", boxes), pose,
                         Eigen::Translation3d(0, 0.08, 0) * pose));
 }
@@ -246,15 +221,6 @@ TEST(SamePose, NoNumberIsNoPose) {
   pose.translation().x() = std::nan("");
   EXPECT_FALSE(SamePose(Cube(1), pose, pose));
 }
-
-}  // namespace
-}  // namespace volalign::same_pose_test
-
-namespace volalign::agreement_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::Coarse;
 
 const SurfaceTolerance kTolerance = SurfaceTolerance::AtRoughPose(ErrorsOf(""));  // 4.3 cm at 1 m
 
@@ -266,8 +232,8 @@ Structure LeftBox() {
 
 TEST(CompareWithView, CountsPixels) {
   const Structure box = LeftBox();
-  const auto seen = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/left"));
-  const auto hidden = static_cast<std::uint8_t>(testing_infer::LabelOf(box, "b/right"));
+  const auto seen = static_cast<std::uint8_t>(LabelOf(box, "b/left"));
+  const auto hidden = static_cast<std::uint8_t>(LabelOf(box, "b/right"));
   DepthImage depth(20, 10, 3.0f);
   SegmentationResult segmentation = Certain(LabelImage(20, 10, 0));
   for (int v = 0; v < 10; ++v) {
@@ -305,7 +271,7 @@ TEST(CompareWithView, NothingMeasuredIsNoAgreement) {
 
 TEST(LabelsFromPose, NamesTheSideThatWasMeasured) {
   const Structure box = LeftBox();
-  const int seen = testing_infer::LabelOf(box, "b/left");
+  const int seen = LabelOf(box, "b/left");
   DepthImage depth(20, 10, 3.0f);
   for (int v = 0; v < 10; ++v) {
     for (int u = 2; u < 10; ++u) depth(u, v) = 1.01f;
@@ -314,24 +280,12 @@ TEST(LabelsFromPose, NamesTheSideThatWasMeasured) {
   }
   const SegmentationResult labels =
       LabelsFromPose(MakeSensorView(depth, Coarse()), box, Pose::Identity(), kTolerance);
-  for (int v = 0; v < 10; ++v) {
-    for (int u = 0; u < 20; ++u) {
-      const bool on_side = u >= 2 && u < 10;
-      EXPECT_EQ(labels.labels(u, v), on_side ? seen : 0) << u << " " << v;
-      EXPECT_EQ(labels.confidence(u, v), on_side ? 1.0f : 0.0f) << u << " " << v;
-    }
+  for (const auto [u, v] : Pixels(20, 10)) {
+    const bool on_side = u >= 2 && u < 10;
+    EXPECT_EQ(labels.labels(u, v), on_side ? seen : 0) << u << " " << v;
+    EXPECT_EQ(labels.confidence(u, v), on_side ? 1.0f : 0.0f) << u << " " << v;
   }
 }
-
-}  // namespace
-}  // namespace volalign::agreement_test
-
-namespace volalign::shape_check_test {
-namespace {
-
-using testing_infer::RingPose;
-using testing_infer::See;
-using testing_infer::Standing;
 
 /// The upper box is turned by `yaw_deg`.
 Structure Stack(double yaw_deg = 0, double height = 0) {
@@ -377,4 +331,4 @@ TEST(FloorFit, FloatsWhereTheRoomReachesUnderTheStack) {
 }
 
 }  // namespace
-}  // namespace volalign::shape_check_test
+}  // namespace volalign::pose_candidates_test

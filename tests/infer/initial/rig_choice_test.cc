@@ -13,14 +13,14 @@
 #include "infer/initial/floor.h"
 #include "infer/initial/relabel.h"
 #include "infer/initial/same_pose.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 
 // Which poses of a rig's sensors are chosen together, among candidates that are made by hand.
 namespace volalign::rig_choice_test {
 namespace {
 
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// What speaks for a pose and for the same upside down: log odds.
 struct Evidence {
@@ -43,9 +43,8 @@ struct Candidates {
       const double roll = i < roll_deg.size() ? roll_deg[i] : 90;
       right.push_back(RingPose(10 + 50 * static_cast<double>(i), 2, 0.4, roll));
       over.push_back(motion * right.back());
-      views.push_back(MakeSensorView(
-          testing_infer::Render(structure, testing_infer::Kinect(), right.back(), {false, 0}).depth,
-          testing_infer::Kinect()));
+      views.push_back(
+          MakeSensorView(Render(structure, Kinect(), right.back(), {false, 0}).depth, Kinect()));
       PoseCandidate a, b;
       a.structure_from_sensor = right.back();
       a.by_floor = evidence[i].floor;
@@ -67,7 +66,15 @@ struct Candidates {
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
     return choice.found && SamePose(structure, choice.best.structure_from_sensor, right[i]);
   }
+  void ExpectEach(const std::vector<PoseChoice>& choices, bool is_right, bool ambiguous) const {
+    for (std::size_t i = 0; i < choices.size(); ++i) {
+      EXPECT_EQ(IsRight(choices[i], i), is_right) << i;
+      EXPECT_EQ(choices[i].ambiguous, ambiguous) << i;
+    }
+  }
 };
+
+const Evidence kGood{0, 3, 0, -9}, kMisled{0, -12, 0, 4}, kFloor{12, 3, -14, 3};
 
 PoseCandidate Candidate(const Pose& pose, double floor, double names, double own_names = 0) {
   PoseCandidate candidate;
@@ -159,26 +166,19 @@ TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
 }
 
 TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
-  const Evidence good{0, 3, 0, -9}, misled{0, -12, 0, 4};
-  const Candidates rig({good, misled, good, good, misled});
+  const Candidates rig({kGood, kMisled, kGood, kGood, kMisled});
   const std::vector<PoseChoice> choices = rig.Choose();
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
-    EXPECT_TRUE(choices[i].ambiguous) << i;
+  rig.ExpectEach(choices, true, true);
+  for (std::size_t i = 0; i < choices.size(); ++i)
     EXPECT_TRUE(SamePose(rig.structure, choices[i].rival.structure_from_sensor, rig.over[i])) << i;
-  }
   // Where most are misled, all are: still one answer.
-  const Candidates wrong({misled, good, misled, misled});
-  const std::vector<PoseChoice> all = wrong.Choose();
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    EXPECT_FALSE(wrong.IsRight(all[i], i)) << i;
-    EXPECT_TRUE(all[i].ambiguous) << i;
-  }
+  const Candidates wrong({kMisled, kGood, kMisled, kMisled});
+  wrong.ExpectEach(wrong.Choose(), false, true);
 }
 
 // Sensors that are mounted alike are upside down together or not at all: one other set of poses.
 TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
-  const Candidates rig(std::vector<Evidence>(4, {0, 3, 0, -9}));
+  const Candidates rig(std::vector<Evidence>(4, kGood));
   const std::vector<PoseChoice> choices = rig.Choose(), turned = rig.Choose({}, 2),
                                 confirmed = rig.Choose({}, 1);
   for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -223,16 +223,12 @@ TEST(ChooseAlone, WhatIsImprobableIsNoAlternative) {
 // Half of the pictures stand upright and half lie on their side: none of either contradicts the
 // others that are mounted so.
 TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
-  const Evidence good{0, 3, 0, -9}, misled{0, -12, 0, 4};
   for (std::size_t wrong = 0; wrong < 6; ++wrong) {
-    std::vector<Evidence> evidence(6, good);
-    evidence[wrong] = misled;
+    SCOPED_TRACE(wrong);
+    std::vector<Evidence> evidence(6, kGood);
+    evidence[wrong] = kMisled;
     const Candidates rig(evidence, {0, 90, 0, 90, 0, 90});
-    const std::vector<PoseChoice> choices = rig.Choose();
-    for (std::size_t i = 0; i < choices.size(); ++i) {
-      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i << ", misled " << wrong;
-      EXPECT_TRUE(choices[i].ambiguous) << i;
-    }
+    rig.ExpectEach(rig.Choose(), true, true);
   }
 }
 
@@ -243,27 +239,23 @@ TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
   const std::vector<double> roll = {0, 90, 0, 90, 0, 90};
   for (const bool floor : {false, true}) {
     std::vector<Evidence> evidence(6, open);
-    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = {12, 3, -14, 3};
+    if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = kFloor;
     const Candidates rig(evidence, roll);
     std::vector<SensorCandidates> sensors;
-    for (std::size_t i = 0; i < rig.views.size(); ++i) {
+    for (std::size_t i = 0; i < rig.views.size(); ++i)
       sensors.push_back({&rig.views[i], rig.poses[i],
                          roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
-    }
     const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure);
-    for (std::size_t i = 0; i < choices.size(); ++i) {
-      EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
-      EXPECT_EQ(choices[i].ambiguous, !floor) << i;
+    rig.ExpectEach(choices, true, !floor);
+    for (std::size_t i = 0; i < choices.size(); ++i)
       EXPECT_EQ(choices[i].up_unknown, !floor && roll[i] == 0) << i;
-    }
   }
 }
 
 TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
-  const Evidence floor{12, 3, -14, 3}, misled{0, -12, 0, 4};
   for (const std::size_t count : {1u, 2u}) {
-    std::vector<Evidence> evidence(count, floor);
-    evidence.push_back(misled);
+    std::vector<Evidence> evidence(count, kFloor);
+    evidence.push_back(kMisled);
     const Candidates rig(evidence);
     const std::vector<PoseChoice> choices = rig.Choose();
     for (std::size_t i = 0; i < choices.size(); ++i) {
@@ -276,32 +268,20 @@ TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
 }
 
 TEST(ChooseTogether, AFloorGoesBeforeHowTheOthersAreMounted) {
-  const Evidence floor{12, 3, -14, 3};
-  const Candidates rig({floor, floor, floor, floor}, {90, 90, 90, -90});
-  const std::vector<PoseChoice> choices = rig.Choose();
-  for (std::size_t i = 0; i < choices.size(); ++i) {
-    EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
-    EXPECT_FALSE(choices[i].ambiguous) << i;
-  }
+  const Candidates rig({kFloor, kFloor, kFloor, kFloor}, {90, 90, 90, -90});
+  rig.ExpectEach(rig.Choose(), true, false);
 }
 
 // Nothing tells up from down: sensors are then taken to be mounted as the network's were.
 TEST(ChooseTogether, TheNetworksOrientationIsTakenWhereNothingElseTells) {
   const Evidence open{0, 3, 0, 3};
   const Candidates rig({open, open, open});
-  for (const bool right : {true, false}) {
-    const std::vector<PoseChoice> choices =
-        rig.Choose(right ? std::vector<int>{0, 2} : std::vector<int>{2, 0});
-    for (std::size_t i = 0; i < choices.size(); ++i) {
-      EXPECT_EQ(rig.IsRight(choices[i], i), right) << i;
-      EXPECT_TRUE(choices[i].ambiguous) << i;
-    }
-  }
+  rig.ExpectEach(rig.Choose({0, 2}), true, true);
+  rig.ExpectEach(rig.Choose({2, 0}), false, true);
 }
 
 TEST(ChooseTogether, ASensorWithoutPosesTakesNoPart) {
-  const Evidence good{0, 3, 0, -9};
-  Candidates rig({good, good, good});
+  Candidates rig({kGood, kGood, kGood});
   rig.poses[1].clear();
   const std::vector<PoseChoice> choices = rig.Choose();
   EXPECT_FALSE(choices[1].found);
@@ -319,25 +299,13 @@ TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
     rig.over[i] = FindAliases(rig.structure).front().motion * rig.right[i];
     rig.poses[i][0].structure_from_sensor = rig.right[i];
     if (i > 0) rig.poses[i][1].structure_from_sensor = rig.over[i];
-    rig.views[i] = MakeSensorView(
-        testing_infer::Render(rig.structure, testing_infer::Kinect(), rig.right[i], {true, 3.5})
-            .depth,
-        testing_infer::Kinect());
+    rig.views[i] =
+        MakeSensorView(Render(rig.structure, Kinect(), rig.right[i], {true, 3.5}).depth, Kinect());
   }
   const std::vector<PoseChoice> choices = rig.Choose();
   EXPECT_TRUE(rig.IsRight(choices[1], 1));
   EXPECT_FALSE(choices[1].ambiguous);
 }
-
-}  // namespace
-}  // namespace volalign::rig_choice_test
-
-namespace volalign::relabel_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::Coarse;
-using testing_infer::LabelOf;
 
 /// A box whose side z = 1 faces Coarse's left half; its side x = 0 is square to that, next to
 /// column 9: there, points at 1.01 m lie 1 cm from the one and 13 mm from the other.
@@ -434,17 +402,6 @@ TEST(Relabelled, SidesThatComeToLieOnNoneAreBackground) {
   EXPECT_EQ(after.labels(3, 0), 0);  // beyond the table
 }
 
-}  // namespace
-}  // namespace volalign::relabel_test
-
-namespace volalign::floor_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
-
 Structure Cube() {
   return Structure::FromBoxes("cube", {Box::FromMinMax("c", {0, 0, 0}, {0.4, 0.4, 0.4})});
 }
@@ -456,9 +413,8 @@ SensorView FromAbove(float depth) {
   view.depth = DepthImage(7, 7, depth);
   view.rays = {7, 7, {}};
   view.ray_areas = Image<float>(7, 7, 0.0125f * 0.0125f);
-  for (int v = 0; v < 7; ++v) {
-    for (int u = 0; u < 7; ++u) view.rays.rays.emplace_back(0.0125f * (u - 3), 0.0125f * (v - 3));
-  }
+  for (const auto [u, v] : Pixels(7, 7))
+    view.rays.rays.emplace_back(0.0125f * (u - 3), 0.0125f * (v - 3));
   return view;
 }
 
@@ -620,4 +576,4 @@ TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
 }
 
 }  // namespace
-}  // namespace volalign::floor_test
+}  // namespace volalign::rig_choice_test

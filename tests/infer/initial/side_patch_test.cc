@@ -12,18 +12,14 @@
 #include "core/geometry/visibility.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/sides_fix_pose.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::side_patch_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 const SidePatch* Largest(const std::vector<SidePatch>& evidence, int label) {
   for (const SidePatch& patch : evidence) {
@@ -59,7 +55,7 @@ class OneBox : public ::testing::Test {
 
   Structure structure;
   Pose pose;
-  testing_infer::SyntheticView rendered;
+  SyntheticView rendered;
   SensorView view;
 };
 
@@ -69,7 +65,7 @@ TEST_F(OneBox, GivesCentreNormalAndAreaOfWholeFaces) {
 
 // Beside the axis a pixel covers more than on it.
 TEST_F(OneBox, ThroughALensToo) {
-  const Intrinsics lens = testing_infer::KinectWithLens();
+  const Intrinsics lens = KinectWithLens();
   pose = RingPose(45, 2.4, 0.1, 90, Eigen::Vector3d(-0.75, 0, 0.75));
   rendered = Render(structure, lens, pose);
   view = MakeSensorView(rendered.depth, lens);
@@ -91,11 +87,9 @@ TEST_F(OneBox, AHandfulOfFarPixelsHasNoSay) {
       ++spoilt;
     }
   }
-  for (int v = 5; v < 15; ++v) {
-    for (int u = 290; u < 310; ++u) {
-      labels(u, v) = front;
-      if (view.depth(u, v) > 0) ++spoilt;
-    }
+  for (const auto [u, v] : Pixels({290, 5}, {310, 15})) {
+    labels(u, v) = front;
+    if (view.depth(u, v) > 0) ++spoilt;
   }
   ASSERT_GT(spoilt, 100);
   ExpectExact(CollectPatches(view, Certain(labels), structure), 0.005);
@@ -130,15 +124,6 @@ TEST(SidePatch, ALabelOnTwoSurfacesGivesBoth) {
   EXPECT_TRUE(near_top);
   EXPECT_TRUE(near_bottom);
 }
-
-}  // namespace
-}  // namespace volalign::side_patch_test
-
-namespace volalign::sides_fix_pose_test {
-namespace {
-
-using testing_infer::LabelsOf;
-using testing_infer::PaperStructure;
 
 TEST(SidesFixPose, KnowsTheStructuresCollinearKeypoints) {
   const Structure structure = PaperStructure();
@@ -176,20 +161,12 @@ TEST(SidesFixPose, PlanesFixWhatKeypointsInALineDoNot) {
   EXPECT_FALSE(SidesFixPose(mixed, LabelsOf(mixed, {"a/front", "b/right"})));
 }
 
-}  // namespace
-}  // namespace volalign::sides_fix_pose_test
-
-namespace volalign::box_fit_test {
-namespace {
-
-using testing_infer::Standing;
-
 Structure Stack() {
   return Structure::FromBoxes("stack", {Standing("low", {0.6, 0.3, 0.4}, {0, 0, 0}),
                                         Standing("high", {0.3, 0.4, 0.25}, {0.1, 0.3, -0.05})});
 }
 
-const Pose kTruth = testing_infer::RingPose(35, 1.9, 1.1, 20, {0, 0.3, 0});
+const Pose kTruth = RingPose(35, 1.9, 1.1, 20, {0, 0.3, 0});
 
 /// Points on the sides that face the sensor, whatever hides them; `away`: along the normal, m.
 std::vector<OrientedPoint> Surface(const Structure& structure, double away = 0) {
@@ -215,12 +192,8 @@ Pose Moved(const Eigen::Vector3d& shift, const Eigen::Vector3d& turn) {
 }
 
 double Off(const Pose& pose) {
-  return (pose * kTruth.inverse())
-      .matrix()
-      .
-      operator-(Eigen::Matrix4d::Identity())
-      .cwiseAbs()
-      .maxCoeff();
+  const Eigen::Matrix4d off = (pose * kTruth.inverse()).matrix() - Eigen::Matrix4d::Identity();
+  return off.cwiseAbs().maxCoeff();
 }
 
 TEST(FitToBoxes, BringsPointsOntoTheirSides) {
@@ -326,4 +299,4 @@ TEST(FitToBoxes, TheFloorHoldsTheHeight) {
 }
 
 }  // namespace
-}  // namespace volalign::box_fit_test
+}  // namespace volalign::side_patch_test

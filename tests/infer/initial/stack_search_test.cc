@@ -19,7 +19,7 @@
 namespace volalign::stack_search_test {
 namespace {
 
-using testing_infer::Standing;
+using namespace testing_infer;
 
 /// Two boxes that look the same from no two sides.
 Structure Stack() {
@@ -53,37 +53,42 @@ TEST(RoomFromSensor, IsATurnThatBringsUpToY) {
 }
 
 /// A sensor 2 m away, tilted and rolled.
-Pose Somewhere(double phi_deg) {
-  return testing_infer::RingPose(phi_deg, 2.1, 1.2, 35, {0.3, 0.3, 0});
-}
+Pose Somewhere(double phi_deg) { return RingPose(phi_deg, 2.1, 1.2, 35, {0.3, 0.3, 0}); }
 
-/// The way in which the stack stands at a pose.
-StandingGuess GuessOf(const Structure& structure, const Pose& truth) {
-  StandingGuess guess;
-  guess.up = truth.linear().transpose() * Eigen::Vector3d::UnitY();
-  guess.feet = {structure.FloorHeight() - truth.translation().y()};
-  return guess;
-}
-
-TEST(SearchStack, FindsItWhereItStands) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
-  for (const double phi : {10.0, 100.0, 195.0, 290.0}) {
-    const Pose truth = Somewhere(phi);
+class SearchStackTest : public testing::Test {
+ protected:
+  /// The way in which the stack stands at a pose.
+  StandingGuess GuessOf(const Pose& truth) const {
     StandingGuess guess;
     guess.up = truth.linear().transpose() * Eigen::Vector3d::UnitY();
     // The foot as seen from the sensor: its own height less that of the structure's lowest point.
-    guess.feet = {structure.FloorHeight() - truth.translation().y()};
-    const auto found = SearchStack(SurfaceOf(structure, truth), outline, {guess}, 4);
+    guess.feet = {structure_.FloorHeight() - truth.translation().y()};
+    return guess;
+  }
+  std::vector<std::vector<StackCandidate>> Search(const Pose& truth,
+                                                  const std::vector<StandingGuess>& guesses,
+                                                  int most) const {
+    return SearchStack(SurfaceOf(structure_, truth), outline_, guesses, most);
+  }
+
+  const Structure structure_ = Stack();
+  const StackOutline outline_ = MakeStackOutline(structure_);
+};
+
+TEST_F(SearchStackTest, FindsItWhereItStands) {
+  for (const double phi : {10.0, 100.0, 195.0, 290.0}) {
+    const Pose truth = Somewhere(phi);
+    const StandingGuess guess = GuessOf(truth);
+    const auto found = Search(truth, {guess}, 4);
     ASSERT_EQ(found.size(), 1u);
     ASSERT_GE(found[0].size(), 1u);
     const Pose& best = found[0][0].structure_from_sensor;
     EXPECT_TRUE((best.linear() * guess.up).isApprox(Eigen::Vector3d::UnitY(), 1e-9));
     // A turn on either side of the true one; a cell, where the stack's middle comes to lie.
     const PoseError error = ComparePoses(best, truth);
-    EXPECT_LT(error.rotation_deg, outline.yaw_step * 180 / M_PI) << phi;
-    const Eigen::Vector3d off = best * (truth.inverse() * outline.foot) - outline.foot;
-    EXPECT_LT(off.norm(), 1.5 * outline.cell) << phi;
+    EXPECT_LT(error.rotation_deg, outline_.yaw_step * 180 / M_PI) << phi;
+    const Eigen::Vector3d off = best * (truth.inverse() * outline_.foot) - outline_.foot;
+    EXPECT_LT(off.norm(), 1.5 * outline_.cell) << phi;
     EXPECT_NEAR(off.y(), 0, 1e-9) << phi;
     for (std::size_t k = 1; k < found[0].size(); ++k)
       EXPECT_LE(found[0][k].votes, found[0][k - 1].votes);
@@ -91,19 +96,17 @@ TEST(SearchStack, FindsItWhereItStands) {
   }
 }
 
-TEST(SearchStack, AnswersEveryGuess) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
+TEST_F(SearchStackTest, AnswersEveryGuess) {
   const Pose truth = Somewhere(60);
-  StandingGuess right = GuessOf(structure, truth);
+  StandingGuess right = GuessOf(truth);
   const double foot = right.feet[0];
   right.feet = {foot - 1.5, foot};  // the second is the right one
   StandingGuess over = right;
   over.up = -right.up;
-  over.feet = {-foot - structure.Height()};
+  over.feet = {-foot - structure_.Height()};
   StandingGuess nowhere = right;
   nowhere.feet = {5};
-  const auto found = SearchStack(SurfaceOf(structure, truth), outline, {over, nowhere, right}, 3);
+  const auto found = Search(truth, {over, nowhere, right}, 3);
   ASSERT_EQ(found.size(), 3u);
   EXPECT_TRUE(found[1].empty()) << "nothing was measured there";
   ASSERT_FALSE(found[2].empty());
@@ -112,7 +115,7 @@ TEST(SearchStack, AnswersEveryGuess) {
   if (!found[0].empty()) {
     EXPECT_LT(found[0][0].votes, 0.8 * found[2][0].votes);
   }
-  EXPECT_TRUE(SearchStack({}, outline, {}, 3).empty());
+  EXPECT_TRUE(SearchStack({}, outline_, {}, 3).empty());
 }
 
 /// The turn of the room frame from the structure's, rad.
@@ -122,18 +125,14 @@ double YawOf(const Pose& structure_from_sensor, const Eigen::Vector3d& up) {
 }
 
 // Also where it stands between the last turn and the first, which are neighbours.
-TEST(SearchStack, NoTwoCandidatesAreOne) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
-  StandingGuess guess;
-  guess.up = Somewhere(60).linear().transpose() * Eigen::Vector3d::UnitY();
-  const double yaw = YawOf(Somewhere(60), guess.up);
-  for (const double wanted : {-0.3 * outline.yaw_step, 1.0}) {
+TEST_F(SearchStackTest, NoTwoCandidatesAreOne) {
+  const Eigen::Vector3d up = GuessOf(Somewhere(60)).up;
+  const double yaw = YawOf(Somewhere(60), up);
+  for (const double wanted : {-0.3 * outline_.yaw_step, 1.0}) {
     const Pose turn(Eigen::AngleAxisd(yaw - wanted, Eigen::Vector3d::UnitY()));
     const Pose truth = turn * Somewhere(60);
-    ASSERT_NEAR(YawOf(truth, guess.up), wanted, 1e-9);
-    guess.feet = {structure.FloorHeight() - truth.translation().y()};
-    const auto found = SearchStack(SurfaceOf(structure, truth), outline, {guess}, 50);
+    ASSERT_NEAR(YawOf(truth, up), wanted, 1e-9);
+    const auto found = Search(truth, {GuessOf(truth)}, 50);
     ASSERT_FALSE(found[0].empty());
     EXPECT_LT(ComparePoses(found[0][0].structure_from_sensor, truth).rotation_deg, 4);
     for (std::size_t k = 0; k < found[0].size(); ++k) {
@@ -141,42 +140,36 @@ TEST(SearchStack, NoTwoCandidatesAreOne) {
       for (std::size_t j = 0; j < k; ++j) {
         const Pose& a = found[0][j].structure_from_sensor;
         const Pose& b = found[0][k].structure_from_sensor;
-        const double apart = (a.inverse() * outline.foot - b.inverse() * outline.foot).norm();
+        const double apart = (a.inverse() * outline_.foot - b.inverse() * outline_.foot).norm();
         const double turned = ComparePoses(a, b).rotation_deg * M_PI / 180;
-        EXPECT_TRUE(apart > 2 * outline.cell || turned > 2 * outline.yaw_step)
+        EXPECT_TRUE(apart > 2 * outline_.cell || turned > 2 * outline_.yaw_step)
             << wanted << ": " << j << " and " << k;
       }
     }
   }
 }
 
-TEST(SearchStack, GivesAsManyAsAreAskedFor) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
+TEST_F(SearchStackTest, GivesAsManyAsAreAskedFor) {
   const Pose truth = Somewhere(60), beside = Eigen::Translation3d(1.1, 0, 0.7) * truth;
-  std::vector<OrientedPoint> points = SurfaceOf(structure, truth);
-  for (const OrientedPoint& point : SurfaceOf(structure, beside)) points.push_back(point);
-  StandingGuess guess;
-  guess.up = truth.linear().transpose() * Eigen::Vector3d::UnitY();
-  guess.feet = {structure.FloorHeight() - truth.translation().y()};
-  EXPECT_GE(SearchStack(points, outline, {guess}, 5)[0].size(), 2u) << "it stands there twice";
-  EXPECT_EQ(SearchStack(points, outline, {guess}, 1)[0].size(), 1u);
+  std::vector<OrientedPoint> points = SurfaceOf(structure_, truth);
+  for (const OrientedPoint& point : SurfaceOf(structure_, beside)) points.push_back(point);
+  StandingGuess guess = GuessOf(truth);
+  EXPECT_GE(SearchStack(points, outline_, {guess}, 5)[0].size(), 2u) << "it stands there twice";
+  EXPECT_EQ(SearchStack(points, outline_, {guess}, 1)[0].size(), 1u);
 }
 
 // Which of two heights is the floor's is not for the votes to say.
-TEST(SearchStack, FindsItOnEveryFoot) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
+TEST_F(SearchStackTest, FindsItOnEveryFoot) {
   const Pose truth = Somewhere(60);
-  StandingGuess guess = GuessOf(structure, truth);
+  StandingGuess guess = GuessOf(truth);
   const double foot = guess.feet[0];
   guess.feet = {foot - 0.03, foot};
-  const auto found = SearchStack(SurfaceOf(structure, truth), outline, {guess}, 20);
+  const auto found = Search(truth, {guess}, 20);
   for (const double high : guess.feet) {
     const bool is_found =
         std::any_of(found[0].begin(), found[0].end(), [&](const StackCandidate& candidate) {
           const Pose& pose = candidate.structure_from_sensor;
-          const Eigen::Vector3d at = RoomFromSensor(guess.up) * (pose.inverse() * outline.foot);
+          const Eigen::Vector3d at = RoomFromSensor(guess.up) * (pose.inverse() * outline_.foot);
           return std::abs(at.y() - high) < 1e-9 && ComparePoses(pose, truth).rotation_deg < 4;
         });
     EXPECT_TRUE(is_found) << high;
@@ -184,16 +177,12 @@ TEST(SearchStack, FindsItOnEveryFoot) {
 }
 
 // Only the turns that are asked for are tried, each on its own.
-TEST(SearchStack, KeepsToTheTurnsOfTheGuess) {
-  const Structure structure = Stack();
-  const StackOutline outline = MakeStackOutline(structure);
+TEST_F(SearchStackTest, KeepsToTheTurnsOfTheGuess) {
   const Pose truth = Somewhere(200);
-  StandingGuess guess;
-  guess.up = truth.linear().transpose() * Eigen::Vector3d::UnitY();
-  guess.feet = {structure.FloorHeight() - truth.translation().y()};
+  StandingGuess guess = GuessOf(truth);
   const double yaw = YawOf(truth, guess.up);
   guess.yaws = {yaw + 1.0, yaw, yaw + 0.05};
-  const auto found = SearchStack(SurfaceOf(structure, truth), outline, {guess}, 10);
+  const auto found = Search(truth, {guess}, 10);
   ASSERT_FALSE(found[0].empty());
   EXPECT_LT(ComparePoses(found[0][0].structure_from_sensor, truth).rotation_deg, 1e-6);
   bool turned = false;
@@ -205,12 +194,6 @@ TEST(SearchStack, KeepsToTheTurnsOfTheGuess) {
   }
   EXPECT_TRUE(turned) << "in about the same place";
 }
-
-}  // namespace
-}  // namespace volalign::stack_search_test
-
-namespace volalign::stack_votes_test {
-namespace {
 
 // Ways: sectors of 45 deg from the heading 0 on, then up, then inside.
 constexpr int kUp = 8, kInside = 9;
@@ -367,10 +350,9 @@ TEST(VoteMap, IsACorrelation) {
   std::vector<OccupiedCell> occupied;
   for (int slab = 0; slab < 3; ++slab) {
     for (int way = 0; way <= kUp; ++way) {
-      for (int k = 0; k < 4; ++k) {
+      for (int k = 0; k < 4; ++k)
         occupied.push_back({random.Below(9) - 12, random.Below(9) + 4, slab, way,
                             static_cast<float>(random.Uniform(0.2, 1))});
-      }
     }
   }
   VoteMap map(occupied, outline);
@@ -416,15 +398,6 @@ TEST(VoteMap, IsACorrelation) {
   EXPECT_TRUE(peaks.empty());
   EXPECT_EQ(higher, 3 * most);
 }
-
-}  // namespace
-}  // namespace volalign::stack_votes_test
-
-namespace volalign::stack_outline_test {
-namespace {
-
-using testing_infer::PaperStructure;
-using testing_infer::Standing;
 
 /// A box that is as high as 9 slabs of a third of it, so that nothing is cut.
 Structure Crate() {
@@ -507,7 +480,7 @@ TEST(MakeStackOutline, PiecesAreThoseThatAreExposed) {
 }
 
 TEST(MakeStackOutline, PiecesLieWhereTheSurfaceIs) {
-  const Structure structure = testing_infer::RandomStack(4);
+  const Structure structure = RandomStack(4);
   const StackOutline outline = MakeStackOutline(structure);
   const auto nearest = [&](const Eigen::Vector3d& p) {
     double distance = 1e9;
@@ -553,14 +526,6 @@ TEST(StackOutline, CountsSlabsFromTheFoot) {
   EXPECT_FALSE(outline.Has(3));
 }
 
-}  // namespace
-}  // namespace volalign::stack_outline_test
-
-namespace volalign::standing_guesses_test {
-namespace {
-
-using testing_infer::Standing;
-
 const Eigen::Vector3d kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);
 
 /// Of 1 m^2.
@@ -597,7 +562,7 @@ TEST(GuessFloors, AreFourAtMost) {
 }
 
 /// 0.5 m and 0.8 m high tops.
-Structure Stack() {
+Structure TwoLevels() {
   return Structure::FromBoxes("stack", {Standing("low", {0.6, 0.5, 0.4}, {0, 0, 0}),
                                         Standing("high", {0.3, 0.3, 0.4}, {0.1, 0.5, 0})});
 }
@@ -612,7 +577,7 @@ std::vector<StandingGuess> Guess(const std::vector<OrientedPoint>& points,
                                  const std::vector<RoomPlane>& planes,
                                  const std::vector<RoomPlane>& small,
                                  const std::vector<Eigen::Vector3d>& usual = {}) {
-  const Structure structure = Stack();
+  const Structure structure = TwoLevels();
   return GuessWithoutFloor(points, planes, small, structure, MakeStackOutline(structure), usual);
 }
 
@@ -656,7 +621,7 @@ TEST(GuessWithoutFloor, OnePlaneAloneNeedsTheUsualDirection) {
 /// Whether a side of the structure faces against `normal` at one of the turns, sensor frame.
 bool SomeSideFaces(const StandingGuess& guess, const Eigen::Vector3d& normal) {
   const Eigen::Matrix3d room = RoomFromSensor(guess.up);
-  const Structure stack = Stack();
+  const Structure stack = TwoLevels();
   return std::any_of(guess.yaws.begin(), guess.yaws.end(), [&](double yaw) {
     const Eigen::Matrix3d room_from_structure =
         Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -706,7 +671,7 @@ TEST(GuessWithoutFloor, WhereNothingFacesUpAnyHeightMayBeTheFoot) {
   const std::vector<StandingGuess> guesses = Guess(points, {}, {Plane(kX, -1), Plane(kZ, -2)});
   const StandingGuess* guess = FindUp(guesses, kY);
   ASSERT_NE(guess, nullptr);
-  const double slab = MakeStackOutline(Stack()).slab;
+  const double slab = MakeStackOutline(TwoLevels()).slab;
   // From where its top would be at the lowest point up to where its foot would be at the highest.
   EXPECT_NEAR(guess->feet.front(), -1 - 0.8, 1e-9);
   EXPECT_GT(guess->feet.back(), 0.5 - slab - 1e-9);
@@ -720,4 +685,4 @@ TEST(GuessWithoutFloor, NeedsAPlaneThatMayBeASide) {
 }
 
 }  // namespace
-}  // namespace volalign::standing_guesses_test
+}  // namespace volalign::stack_search_test

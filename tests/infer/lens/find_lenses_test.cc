@@ -19,20 +19,12 @@
 namespace volalign::find_lenses_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::AddSmoothError;
-using testing_infer::Kinect;
-using testing_infer::KinectWithLens;
-using testing_infer::PaperStructure;
-using testing_infer::RayThroughLens;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// Three sensors in a room, each with its own errors. The frames give the lens's pinhole alone.
 std::vector<SensorFrame> FramesThrough(const Intrinsics& lens, std::uint64_t seed = 1) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 3; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i, 2, 0.4, 90), {true, 3.2}, lens);
+  for (int i = 0; i < 3; ++i) rig.Add(RingPose(25.0 + 110 * i, 2, 0.4, 90), {true, 3.2}, lens);
   for (std::size_t i = 0; i < 3; ++i) {
     SensorFrame& frame = rig.frames[i];
     AddNoise(&frame.depth, 0.001, 10 * seed + i);
@@ -99,18 +91,6 @@ TEST(FindLenses, KnownLensesStay) {
   // The planes say what they say all the same.
   EXPECT_GT(lenses.lenses[0].evidence.information(1, 1), 0);
 }
-
-}  // namespace
-}  // namespace volalign::find_lenses_test
-
-namespace volalign::planes_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::KinectWithLens;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
 
 /// The walls at |x| = |z| = kWall and the floor, of which a point in the structure's frame is on
 /// one, or -1.
@@ -182,15 +162,6 @@ TEST(FindLargePlanes, AreMeasuredOnThePlaneAtOneMetre) {
     EXPECT_TRUE(FindLargePlanes(view, 1.1 * all).empty());
   }
 }
-
-}  // namespace
-}  // namespace volalign::planes_test
-
-namespace volalign::straightness_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::RayThroughLens;
 
 /// Wide, of all three parameters.
 const Eigen::Vector3d kWide(0.01, 0.2, 0.2);
@@ -280,10 +251,9 @@ TEST(Straighten, ItsCovarianceIsNoSmallerThanItsErrors) {
   double squares = 0;
   for (int draw = 0; draw < kDraws; ++draw) {
     SensorPlanes sensor{truth, {}};
-    for (std::size_t k = 0; k < kWalls.size(); ++k) {
+    for (std::size_t k = 0; k < kWalls.size(); ++k)
       sensor.planes.push_back(
           See(kWalls[k], truth, truth, 0.002, static_cast<std::uint64_t>(draw) * 10 + k));
-    }
     const LensEstimate estimate =
         Straightness({sensor}).Straighten({truth}, kWide, LensChange::Zero());
     const Eigen::Vector2d error = estimate.change.tail<2>();
@@ -375,4 +345,4 @@ TEST(LargestBend, IsThatOfTheWallsSeenOtherwise) {
 }
 
 }  // namespace
-}  // namespace volalign::straightness_test
+}  // namespace volalign::find_lenses_test

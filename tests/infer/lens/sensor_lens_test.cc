@@ -17,9 +17,8 @@
 namespace volalign::sensor_lens_test {
 namespace {
 
-using testing_infer::Kinect;
-using testing_infer::KinectWithLens;
-using testing_infer::RayThroughLens;
+using namespace refine_internal;
+using namespace testing_infer;
 
 /// A change of a size that lenses of one kind have.
 const LensChange kChange(0.004, -0.03, 0.05);
@@ -221,21 +220,14 @@ TEST(LogBayesFactor, IsTheRatioOfTheEvidences) {
   evidence.moment[1] = measured / (sigma * sigma);
   double sum = 0;
   constexpr double kStep = 1e-4;
-  for (double k1 = -2; k1 < 2; k1 += kStep) {
+  for (double k1 = -2; k1 < 2; k1 += kStep)
     sum += std::exp(-0.5 * std::pow((k1 - measured) / sigma, 2)) *
            std::exp(-0.5 * std::pow(k1 / prior[1], 2)) / (prior[1] * std::sqrt(2 * M_PI)) * kStep;
-  }
   const double expected = std::log(sum / std::exp(-0.5 * std::pow(measured / sigma, 2)));
   EXPECT_NEAR(LogBayesFactor(EstimateLens(evidence, prior), prior), expected, 1e-6);
   EXPECT_LT(LogBayesFactor(EstimateLens(LensEvidence(), prior), prior), 1e-9);
   EXPECT_EQ(LogBayesFactor(LensEstimate(), Eigen::Vector3d::Zero()), 0) << "a known lens";
 }
-
-}  // namespace
-}  // namespace volalign::sensor_lens_test
-
-namespace volalign::refine_internal::likelihood_test {
-namespace {
 
 Eigen::MatrixXd Normal(Eigen::Index rows, Eigen::Index columns, std::uint64_t seed) {
   RandomStream random(seed, 0, "likelihood");
@@ -346,4 +338,4 @@ TEST(MinimiseOverLog, StaysWithinItsBounds) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::likelihood_test
+}  // namespace volalign::sensor_lens_test

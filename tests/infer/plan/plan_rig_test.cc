@@ -10,10 +10,15 @@
 #include "infer/plan/plan_picture.h"
 #include "infer/plan/plan_report.h"
 #include "infer/plan/planned_frame.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
+#include "tests/core/base/tally.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::plan_rig_test {
 namespace {
+
+using namespace testing_infer;
 
 Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
 
@@ -40,31 +45,28 @@ TEST(PlanRig, SaysWhatEachSensorSees) {
   EXPECT_TRUE(away.sides.empty());
   EXPECT_EQ(away.in_view, 0);
   // The pixels of a side, counted by the tests' own view.
-  const testing_infer::SyntheticView view =
-      testing_infer::Render(plan.structure, whole.intrinsics, whole.structure_from_sensor);
-  const int label = testing_infer::LabelOf(plan.structure, whole.sides[0].first);
+  const SyntheticView view = Render(plan.structure, whole.intrinsics, whole.structure_from_sensor);
+  const int label = LabelOf(plan.structure, whole.sides[0].first);
   const auto pixels = std::count(view.labels.begin(), view.labels.end(), label);
   EXPECT_NEAR(whole.sides[0].second, static_cast<double>(pixels), 0.15 * pixels);
 
   const std::string text = FormatPlan(plan);
-  EXPECT_NE(text.find("S3: it sees no side of the stack"), std::string::npos) << text;
-  EXPECT_NE(text.find("S2: only "), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "S3: it sees no side of the stack", "S2: only "));
   ASSERT_EQ(plan.pairs.size(), 1u) << "of those that are placed";
   RigPlan pairs = plan;
   pairs.pairs = {{"S1", "S2", 0.3, 0.004, 0.005, Matrix6d::Identity(), 0.006, 0.1},
                  {"S1", "S3", 0.4, 0.009, 0.002, Matrix6d::Identity(), 0.003, 0.1}};
   pairs.pairs.push_back({"S2", "S3"});
-  EXPECT_NE(FormatPlan(pairs).find("of 3 pairs of sensors 2 overlap: expect their points at most "
-                                   "5.0 mm RMS apart; relative to each other their places will "
-                                   "be known to 6.0 mm (sigma) or better\n"),
-            std::string::npos)
-      << FormatPlan(pairs);
+  EXPECT_TRUE(Has(FormatPlan(pairs),
+                  "of 3 pairs of sensors 2 overlap: expect their points at most "
+                  "5.0 mm RMS apart; relative to each other their places will "
+                  "be known to 6.0 mm (sigma) or better\n"));
   RigPlan named = plan;
   named.structure = Structure::FromBoxes("s", {Box::FromMinMax("a<b", {-1, -1, -1}, {1, 1, 1})});
-  EXPECT_NE(PlanPicture(named).find("<title>a&lt;b</title>"), std::string::npos);
+  EXPECT_TRUE(Has(PlanPicture(named), "<title>a&lt;b</title>"));
   const std::string picture = PlanPicture(plan);
   for (const char* name : {">S1<", ">S2<", ">S3<", ">not placed<", "1 m"})
-    EXPECT_NE(picture.find(name), std::string::npos) << name;
+    EXPECT_TRUE(Has(picture, name));
 }
 
 TEST(PlanRig, ExpectsErrorsAsLargeAsThoseItMakes) {
@@ -93,38 +95,33 @@ sensors:
 TEST(PlannedFrame, ErrorsHaveTheStatedSize) {
   SensorFrame frame;
   frame.sensor = "realsense_d415";
-  frame.intrinsics = testing_infer::Kinect();
-  frame.ground_truth = testing_infer::RingPose(40);
+  frame.intrinsics = Kinect();
+  frame.ground_truth = RingPose(40);
   const DepthErrorModel& errors = ErrorsOf(frame.sensor);
-  const Structure structure = testing_infer::PaperStructure();
-  const testing_infer::SyntheticView view =
-      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
-  double square = 0;
-  int count = 0;
+  const Structure structure = PaperStructure();
+  const SyntheticView view = Render(structure, frame.intrinsics, *frame.ground_truth);
+  Tally off;
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
     const PlannedFrame planned = MeasurePlanned(frame, structure, seed, 0);
     for (std::size_t i = 0; i < view.depth.size(); ++i) {
       if (!(planned.labels[i] > 0)) continue;
       EXPECT_EQ(planned.labels[i], view.labels[i]);
       const double z = view.depth[i];
-      square +=
-          std::pow((planned.frame.depth[i] - z) / std::hypot(errors.White(z), errors.Smooth(z)), 2);
-      ++count;
+      off += (planned.frame.depth[i] - z) / std::hypot(errors.White(z), errors.Smooth(z));
     }
   }
-  ASSERT_GT(count, 10000);
-  EXPECT_NEAR(std::sqrt(square / count), 1, 0.25);
+  ASSERT_GT(off.count, 10000);
+  EXPECT_NEAR(off.Rms(), 1, 0.25);
 }
 
 // What lies behind an edge is lost beside it, not the stack; and nothing is measured of the sky.
 TEST(PlannedFrame, GapsAreBehindTheStack) {
   SensorFrame frame;
   frame.sensor = "azure_kinect_nfov_binned";
-  frame.intrinsics = testing_infer::Kinect();
-  frame.ground_truth = testing_infer::RingPose(40, 2, 0.3, 0);
-  const Structure structure = testing_infer::PaperStructure();
-  const testing_infer::SyntheticView view =
-      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth);
+  frame.intrinsics = Kinect();
+  frame.ground_truth = RingPose(40, 2, 0.3, 0);
+  const Structure structure = PaperStructure();
+  const SyntheticView view = Render(structure, frame.intrinsics, *frame.ground_truth);
   const PlannedFrame planned = MeasurePlanned(frame, structure, 1, 0);
   const auto labelled = [](const LabelImage& labels) {
     return std::count_if(labels.begin(), labels.end(),
@@ -132,18 +129,16 @@ TEST(PlannedFrame, GapsAreBehindTheStack) {
   };
   EXPECT_GT(labelled(planned.labels), 0.97 * static_cast<double>(labelled(view.labels)));
   int sky = 0, lost = 0;
-  for (int v = 0; v < view.depth.height(); ++v) {
-    for (int u = 0; u < view.depth.width(); ++u) {
-      const Eigen::Vector3d ray((u - frame.intrinsics.cx) / frame.intrinsics.fx,
-                                (v - frame.intrinsics.cy) / frame.intrinsics.fy, 1);
-      if (view.labels(u, v) > 0) continue;
-      if ((frame.ground_truth->linear() * ray).y() > 0) {
-        if (view.depth(u, v) > 0) continue;  // the underside of a box
-        ++sky;
-        EXPECT_EQ(planned.frame.depth(u, v), 0) << u << " " << v;
-      } else {
-        lost += planned.frame.depth(u, v) == 0;
-      }
+  for (const auto [u, v] : Pixels(view.depth)) {
+    const Eigen::Vector3d ray((u - frame.intrinsics.cx) / frame.intrinsics.fx,
+                              (v - frame.intrinsics.cy) / frame.intrinsics.fy, 1);
+    if (view.labels(u, v) > 0) continue;
+    if ((frame.ground_truth->linear() * ray).y() > 0) {
+      if (view.depth(u, v) > 0) continue;  // the underside of a box
+      ++sky;
+      EXPECT_EQ(planned.frame.depth(u, v), 0) << u << " " << v;
+    } else {
+      lost += planned.frame.depth(u, v) == 0;
     }
   }
   EXPECT_GT(sky, 1000);
@@ -155,27 +150,24 @@ TEST(PlannedFrame, GapsAreBehindTheStack) {
 double MeanSquareStep(int width, int lag_of_320) {
   SensorFrame frame;
   frame.sensor = "azure_kinect_nfov_binned";
-  frame.intrinsics = testing_infer::Kinect().Resized(width, width * 9 / 10);
-  frame.ground_truth = testing_infer::RingPose(40);
-  const Structure structure = testing_infer::PaperStructure();
-  const DepthImage truth =
-      testing_infer::Render(structure, frame.intrinsics, *frame.ground_truth).depth;
+  frame.intrinsics = Kinect().Resized(width, width * 9 / 10);
+  frame.ground_truth = RingPose(40);
+  const Structure structure = PaperStructure();
+  const DepthImage truth = Render(structure, frame.intrinsics, *frame.ground_truth).depth;
   const int lag = lag_of_320 * width / 320;
-  double square = 0;
-  int count = 0;
+  Tally steps;
   for (std::uint64_t seed = 0; seed < 6; ++seed) {
     const PlannedFrame planned = MeasurePlanned(frame, structure, seed, 0);
     for (int v = 0; v < truth.height(); ++v) {
       for (int u = 0; u + lag < truth.width(); ++u) {
         if (!(planned.labels(u, v) > 0 && planned.labels(u + lag, v) > 0)) continue;
         const auto error = [&](int at) { return planned.frame.depth(at, v) - truth(at, v); };
-        square += std::pow(error(u + lag) - error(u), 2);
-        ++count;
+        steps += error(u + lag) - error(u);
       }
     }
   }
-  EXPECT_GT(count, 10000);
-  return square / count;
+  EXPECT_GT(steps.count, 10000);
+  return steps.squares / steps.count;
 }
 
 // Of a picture with twice the pixels, errors are alike over twice as many.

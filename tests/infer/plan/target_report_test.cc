@@ -2,9 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
-
 #include "infer/plan/plan_picture.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::target_report_test {
@@ -63,16 +62,15 @@ TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
         "    1.00          75        75          50           3   6         4.0       5.0\n",
         "poor: from 25 % of the places another pose looks the same, floor or not",
         "poor: 25 % of the views fix no pose", "without it, 50 % of the views are like"}) {
-    EXPECT_NE(text.find(part), std::string::npos) << part << "\nis not in\n" << text;
+    EXPECT_TRUE(Has(text, part)) << "\nis not in\n";
   }
-  EXPECT_EQ(text.find("good:"), std::string::npos);
+  EXPECT_FALSE(Has(text, "good:"));
 }
 
 TEST(FormatTarget, SaysThatAStackIsGood) {
   const std::string text = FormatTarget(OneBox(), Good());
-  EXPECT_NE(text.find("The stack has no symmetries."), std::string::npos);
-  EXPECT_NE(text.find("good: every view has one pose"), std::string::npos) << text;
-  EXPECT_EQ(text.find("poor:"), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "The stack has no symmetries.", "good: every view has one pose"));
+  EXPECT_FALSE(Has(text, "poor:"));
 }
 
 TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
@@ -85,12 +83,6 @@ TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
     EXPECT_EQ(Count(good, "phi " + std::to_string(90 * i) + " deg, 1.00 m high"), 1) << i;
 }
 
-}  // namespace
-}  // namespace volalign::target_report_test
-
-namespace volalign::plan_picture_test {
-namespace {
-
 TEST(PlanPicture, NamesAreText) {
   RigPlan plan;
   plan.structure =
@@ -102,9 +94,8 @@ TEST(PlanPicture, NamesAreText) {
   sensor.structure_from_sensor = testing_infer::RingPose(30);
   plan.sensors = {sensor};
   const std::string svg = PlanPicture(plan);
-  EXPECT_NE(svg.find("<title>a&lt;b &amp; c&gt;d</title>"), std::string::npos) << svg;
-  EXPECT_NE(svg.find(">&lt;S1&gt;</text>"), std::string::npos) << svg;
+  EXPECT_TRUE(Has(svg, "<title>a&lt;b &amp; c&gt;d</title>", ">&lt;S1&gt;</text>"));
 }
 
 }  // namespace
-}  // namespace volalign::plan_picture_test
+}  // namespace volalign::target_report_test

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <optional>
 #include <random>
@@ -20,6 +19,8 @@
 #include "infer/report/advice.h"
 #include "infer/report/panels.h"
 #include "infer/report/rig_gltf.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/glb_chunks.h"
 #include "tests/infer/view/synthetic.h"
@@ -70,12 +71,10 @@ TEST_F(Pictures, ASensorsPanelsStandSideBySide) {
   EXPECT_EQ(four.width(), two.width() + 2 * (80 + 2));
   // From left to right in one row.
   const auto left = [&](Rgb colour) {
-    for (int u = 0; u < four.width(); ++u) {
-      for (int v = 0; v < four.height(); ++v) {
-        if (four(u, v) == colour) return u;
-      }
-    }
-    return -1;
+    int least = four.width();
+    for (const auto [u, v] : Pixels(four))
+      if (four(u, v) == colour) least = std::min(least, u);
+    return least;
   };
   EXPECT_EQ(left(kLabels), left(kDepth) + 82);
   EXPECT_EQ(left(kModel), left(kLabels) + 82);
@@ -97,10 +96,8 @@ TEST_F(Pictures, TheTitleNamesTheSensorAndItsStatus) {
     for (int top = 0; top < 60 && !found; ++top) {
       for (int left = 0; left < 20 && !found; ++left) {
         found = true;
-        for (int v = 0; v < text.height(); ++v) {
-          for (int u = 0; u < text.width(); ++u)
-            found = found && (text(u, v).r > 0) != (picture(left + u, top + v) == picture(0, 0));
-        }
+        for (const auto [u, v] : Pixels(text))
+          found = found && (text(u, v).r > 0) != (picture(left + u, top + v) == picture(0, 0));
       }
     }
     EXPECT_TRUE(found) << words;
@@ -123,19 +120,10 @@ TEST_F(Pictures, LegendsHaveTheLabelsThatAreShown) {
   EXPECT_GT(overview.height(), 2 * bare.height());  // two rows
 }
 
-}  // namespace
-}  // namespace volalign::pictures_test
-
-namespace volalign::panels_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 FrameResult Seen(const Structure& structure, const Pose& pose) {
-  const testing_infer::SyntheticView view = Render(structure, Kinect(), pose);
+  const SyntheticView view = Render(structure, Kinect(), pose);
   FrameResult sensor;
   sensor.name = "S";
   sensor.view = MakeSensorView(view.depth, Kinect());
@@ -151,11 +139,8 @@ TEST(MakePanels, ShowsTheBestGuessOfAFailedSensor) {
   const FramePanels placed = MakePanels(sensor, structure, 0);
   sensor.best_guess = *std::exchange(sensor.structure_from_sensor, std::nullopt);
   const FramePanels failed = MakePanels(sensor, structure, 0);
-  ASSERT_EQ(failed.edges.size(), placed.edges.size());
   EXPECT_GT(placed.edges.size(), 0u);
-  EXPECT_TRUE(std::equal(
-      failed.edges.begin(), failed.edges.end(), placed.edges.begin(),
-      [](const Rgb& a, const Rgb& b) { return a.r == b.r && a.g == b.g && a.b == b.b; }));
+  EXPECT_TRUE(failed.edges == placed.edges);
   EXPECT_TRUE(failed.residual.empty());
   sensor.best_guess.reset();
   EXPECT_TRUE(MakePanels(sensor, structure, 0).edges.empty());
@@ -203,30 +188,26 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
   EXPECT_EQ(panels.depth.height(), 320);
   // The pose is exact: the edges lie on measured pixels of the stack, beside another label.
   int edges = 0;
-  for (int v = 0; v < 288; ++v) {
-    for (int u = 0; u < 320; ++u) {
-      const int x = 288 - 1 - v, y = u;
-      if (panels.edges(x, y) == panels.depth(x, y)) continue;
-      ++edges;
-      const LabelImage& labels = sensor.segmentation.labels;
-      const int label = labels(u, v);
-      EXPECT_GT(label, 0) << u << ", " << v;
-      EXPECT_TRUE((u > 0 && labels(u - 1, v) != label) || (u < 319 && labels(u + 1, v) != label) ||
-                  (v > 0 && labels(u, v - 1) != label) || (v < 287 && labels(u, v + 1) != label))
-          << u << ", " << v;
-    }
+  for (const auto [u, v] : Pixels(320, 288)) {
+    const int x = 288 - 1 - v, y = u;
+    if (panels.edges(x, y) == panels.depth(x, y)) continue;
+    ++edges;
+    const LabelImage& labels = sensor.segmentation.labels;
+    const int label = labels(u, v);
+    EXPECT_GT(label, 0) << u << ", " << v;
+    EXPECT_TRUE((u > 0 && labels(u - 1, v) != label) || (u < 319 && labels(u + 1, v) != label) ||
+                (v > 0 && labels(u, v - 1) != label) || (v < 287 && labels(u, v + 1) != label))
+        << u << ", " << v;
   }
   EXPECT_GT(edges, 300);
   ASSERT_FALSE(panels.sides.empty());
   EXPECT_LT(panels.sides.front().rms_m, 1e-5);
   EXPECT_FALSE(panels.shown_labels.empty());
   EXPECT_GT(panels.shown_labels.front(), 0);
-  for (int v = 0; v < 288; ++v) {
-    for (int u = 0; u < 320; ++u) {
-      const bool labelled = sensor.segmentation.labels(u, v) > 0;
-      const Rgb residual = panels.residual(288 - 1 - v, u);
-      EXPECT_EQ(labelled, residual == SignedColour(0)) << u << ", " << v;
-    }
+  for (const auto [u, v] : Pixels(320, 288)) {
+    const bool labelled = sensor.segmentation.labels(u, v) > 0;
+    const Rgb residual = panels.residual(288 - 1 - v, u);
+    EXPECT_EQ(labelled, residual == SignedColour(0)) << u << ", " << v;
   }
   sensor.structure_from_sensor.reset();
   const FramePanels without = MakePanels(sensor, structure, 0);
@@ -245,16 +226,7 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
   EXPECT_EQ(thinned.depth.height(), 240);
 }
 
-}  // namespace
-}  // namespace volalign::panels_test
-
-namespace volalign::rig_gltf_test {
-namespace {
-
 using nlohmann::json;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
 
 /// Accessors are checked by core/formats/gltf_parts_test.
 struct Glb : GlbChunks {
@@ -280,7 +252,10 @@ struct Glb : GlbChunks {
               static_cast<std::ptrdiff_t>(reached.size()));
   }
 
-  /// Of an accessor of vectors of three.
+  /// Of the accessor of an attribute.
+  const json& Attribute(const json& primitive, const std::string& name) const {
+    return document["accessors"].at(primitive["attributes"][name].get<std::size_t>());
+  }
   std::vector<float> Floats(const json& accessor) const {
     EXPECT_EQ(accessor["componentType"], 5126);
     EXPECT_EQ(accessor["type"], "VEC3");
@@ -364,9 +339,7 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
   EXPECT_NEAR(sensor["extras"]["intrinsics"]["cy"].get<double>(), 168.2, 1e-12);
 
   // The pyramid's corners are where the picture's are.
-  const json& pyramid = glb.document["accessors"].at(
-      glb.Primitive("left")["attributes"]["POSITION"].get<std::size_t>());
-  const std::vector<float> corners = glb.Floats(pyramid);
+  const std::vector<float> corners = glb.Floats(glb.Attribute(glb.Primitive("left"), "POSITION"));
   ASSERT_EQ(corners.size(), 15u);
   const double places[4][2] = {{-0.5, -0.5}, {319.5, -0.5}, {319.5, 287.5}, {-0.5, 287.5}};
   for (std::size_t i = 0; i < 4; ++i) {
@@ -381,21 +354,18 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
 
   const json& points = glb.Primitive("left points in here");
   EXPECT_EQ(points["mode"], 0);
-  const json& positions =
-      glb.document["accessors"].at(points["attributes"]["POSITION"].get<std::size_t>());
-  EXPECT_EQ(glb.Floats(positions), (std::vector<float>{0.1f, -0.2f, 0.3f, -1, 2, 0.5f}));
-  const json& colours =
-      glb.document["accessors"].at(points["attributes"]["COLOR_0"].get<std::size_t>());
+  EXPECT_EQ(glb.Floats(glb.Attribute(points, "POSITION")),
+            (std::vector<float>{0.1f, -0.2f, 0.3f, -1, 2, 0.5f}));
+  const json& colours = glb.Attribute(points, "COLOR_0");
   EXPECT_EQ(colours["normalized"], true);
   EXPECT_EQ(colours["type"], "VEC4");
 
   std::size_t boxes = 0;
   for (const json& node : glb.document["nodes"]) boxes += node.value("name", "") == "top";
   EXPECT_EQ(boxes, 2u);
-  EXPECT_LT(
-      (PoseOf(glb.Node(structure.name() + " in there")).translation() - Eigen::Vector3d(1, 0, 2))
-          .norm(),
-      1e-12);
+  EXPECT_TRUE(PoseOf(glb.Node(structure.name() + " in there"))
+                  .translation()
+                  .isApprox(Eigen::Vector3d(1, 0, 2), 1e-12));
   for (const json& node : glb.document["nodes"]) EXPECT_NE(node.value("name", ""), "lost");
 }
 
@@ -405,15 +375,8 @@ TEST(RigGlb, AStillThatNoSensorTellsOfHasNoStack) {
   extrinsics.placements[1].sensors.clear();
   WriteRigGlb(folder / "rig.glb", extrinsics, {PaperStructure(), PaperStructure()}, {});
   const Glb glb(ReadFile(folder / "rig.glb"));
-  for (const json& node : glb.document["nodes"])
-    EXPECT_EQ(node.value("name", "").find("there"), std::string::npos);
+  for (const json& node : glb.document["nodes"]) EXPECT_FALSE(Has(node.value("name", ""), "there"));
 }
-
-}  // namespace
-}  // namespace volalign::rig_gltf_test
-
-namespace volalign::advice_test {
-namespace {
 
 Matrix6d RandomCovariance(std::mt19937* random) {
   std::normal_distribution<double> normal(0, 0.003);
@@ -467,15 +430,15 @@ TEST(Advise, NamesTheLeastKnownAlsoWhereAllIsOk) {
   result.sensors = {Placed("S1", 0.004), Placed("S2", 0.002), Placed("S3", 0.003)};
   const std::vector<std::string> advice = Advise(result);
   ASSERT_EQ(advice.size(), 2u);
-  EXPECT_NE(advice[0].find("volalign convert"), std::string::npos);
+  EXPECT_TRUE(Has(advice[0], "volalign convert"));
   // 16 / 2 + 1 / (1 / 16 + 1 / 4 + 1 / 9) / 2 = 3.03^2
   EXPECT_EQ(advice[1].find("least certain: S1 (4.0 mm) and S3 (3.0 mm)"), 0u) << advice[1];
-  EXPECT_NE(advice[1].find("3.0 mm at best"), std::string::npos) << advice[1];
+  EXPECT_TRUE(Has(advice[1], "3.0 mm at best"));
   result.sensors[1].status = SensorStatus::kWeak;
-  EXPECT_EQ(Advise(result)[0].find("volalign convert"), std::string::npos);
+  EXPECT_FALSE(Has(Advise(result)[0], "volalign convert"));
   result.stills.resize(2);
   EXPECT_EQ(Advise(result).size(), 1u) << "what a third still would bring is another question";
 }
 
 }  // namespace
-}  // namespace volalign::advice_test
+}  // namespace volalign::pictures_test

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <string>
 #include <vector>
@@ -17,12 +16,13 @@
 #include "infer/rigcheck/movement.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::rig_check_test {
 namespace {
 
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 Pose Moved(double x_m, double yaw_rad) {
   Pose pose = Pose::Identity();
@@ -49,7 +49,7 @@ Extrinsics Rig(const Pose& from) {
       sensor.code = SensorCode::kNoDepth;
       sensor.reason = "it has no depth";
     }
-    sensor.intrinsics = sensor.intrinsics_given = testing_infer::Kinect();
+    sensor.intrinsics = sensor.intrinsics_given = Kinect();
     sensor.covariance.diagonal() << 4e-6, 4e-6, 4e-6, 1e-6, 1e-6, 1e-6;
     rig.sensors.push_back(sensor);
   }
@@ -74,15 +74,9 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
 
   const RigCheck check = CheckRig("last.json", last, now);
   const std::string text = FormatRigCheck(check);
-  EXPECT_NE(text.find("S1 moved 50.0 mm, 0.00 deg; the other 3 agree within 0.0 mm, 0.00 deg"),
-            std::string::npos)
-      << text;
-  EXPECT_NE(text.find("S4 is not compared: it failed last time (no_depth): it has no depth"),
-            std::string::npos)
-      << text;
-  EXPECT_NE(text.find("the stack stands 539 mm and 40.1 deg from where it stood"),
-            std::string::npos)
-      << text;
+  EXPECT_TRUE(Has(text, "S1 moved 50.0 mm, 0.00 deg; the other 3 agree within 0.0 mm, 0.00 deg",
+                  "S4 is not compared: it failed last time (no_depth): it has no depth",
+                  "the stack stands 539 mm and 40.1 deg from where it stood"));
   EXPECT_EQ(RigCheckSentences(check)[0].find("S1 moved 50.0 mm, 0.00 deg"), 0u);
   EXPECT_TRUE(check.MovedBeyond(0.049, 10));
   EXPECT_FALSE(check.MovedBeyond(0.051, 10));
@@ -90,10 +84,9 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
 
   const Extrinsics updated = UpdateExtrinsics(last, now, check);
   ASSERT_EQ(updated.sensors.size(), 5u);
-  for (const std::size_t i : {0, 2, 3}) {
+  for (const std::size_t i : {0, 2, 3})
     EXPECT_EQ(updated.sensors[i].structure_from_sensor->matrix(),
               last.sensors[i].structure_from_sensor->matrix());
-  }
   const Pose expected = *last.sensors[1].structure_from_sensor * before_from_after;
   EXPECT_LT(ComparePoses(*updated.sensors[1].structure_from_sensor, expected).translation_m, 1e-6);
   EXPECT_LT(
@@ -244,19 +237,11 @@ TEST(RigCheck, SaysThatTwoSensorsAreExchanged) {
   Extrinsics now = Rig(Moved(0.5, 0.7));
   std::swap(now.sensors[1].structure_from_sensor, now.sensors[3].structure_from_sensor);
   const RigCheck check = CheckRig("last.json", last, now);
-  EXPECT_NE(
-      FormatRigCheck(check).find("S1 stands now where S3 stood, S3 stands now where S1 stood"),
-      std::string::npos)
-      << FormatRigCheck(check);
+  EXPECT_TRUE(
+      Has(FormatRigCheck(check), "S1 stands now where S3 stood, S3 stands now where S1 stood"));
   const auto json = nlohmann::json::parse(RigCheckText(check, "check.json"));
   EXPECT_EQ(json.at("exchanged").at(0).at("place_of"), "S3");
 }
-
-}  // namespace
-}  // namespace volalign::rig_check_test
-
-namespace volalign::movement_test {
-namespace {
 
 Vector6d Normal(RandomStream* random) {
   Vector6d draw;
@@ -385,9 +370,8 @@ TEST(Movement, FindsTheSensorThatMovedWhereverTheStructureStands) {
     captures.Move(mover, before_from_after);
     const Movements movements = FindMovements(captures.last, captures.now);
     ASSERT_TRUE(movements.last_from_now);
-    const PoseError motion = ComparePoses(*movements.last_from_now, captures.last_from_now);
-    EXPECT_LT(motion.translation_m, 0.005);
-    EXPECT_LT(motion.rotation_deg, 0.15);
+    EXPECT_TRUE(
+        Within(ComparePoses(*movements.last_from_now, captures.last_from_now), 0.005, 0.15));
     EXPECT_EQ(Count(movements, Movement::kStayed), 7) << seed;
     const auto index = static_cast<std::size_t>(mover);
     const SensorMovement& found = movements.sensors[index];
@@ -452,10 +436,9 @@ TEST(Movement, TwoOfEightAreFound) {
   captures.Move(0, Turned({0, 0, 0}, {0.05, 0, 0}));
   captures.Move(4, Turned({0, 0.05, 0}, {0, 0, 0}));
   const Movements movements = FindMovements(captures.last, captures.now);
-  for (std::size_t i = 0; i < 8; ++i) {
+  for (std::size_t i = 0; i < 8; ++i)
     EXPECT_EQ(movements.sensors[i].movement,
               i == 0 || i == 4 ? Movement::kMoved : Movement::kStayed);
-  }
 }
 
 TEST(Movement, WithoutAMajorityNothingIsDecided) {
@@ -529,4 +512,4 @@ TEST(FindExchanged, TwoOrMoreWhereverTheStructureStands) {
 }
 
 }  // namespace
-}  // namespace volalign::movement_test
+}  // namespace volalign::rig_check_test

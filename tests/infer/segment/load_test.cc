@@ -14,33 +14,36 @@
 #include "core/nn/network.h"
 #include "infer/segment/attention.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::load_test {
 namespace {
 
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 class NetworkSegmenterTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    StructureNetOptions options;
-    options.base_channels = 4;
-    net_ = StructureNet(options);
-    net_->eval();
-    meta_.network = options;
+    meta_.network.base_channels = 4;
     meta_.structure = PaperStructure();
     meta_.focal_px = {117, 127};
     meta_.image_sizes = {{160, 144}};
+    Save(true);
+  }
+  std::filesystem::path Save(bool attention) {
+    meta_.network.attention = attention;
+    net_ = StructureNet(meta_.network);
+    net_->eval();
     SaveCheckpoint(folder_ / "model.safetensors", net_, meta_, false);
+    return folder_ / "model.safetensors";
   }
 
-  static DepthImage RandomDepth(int width, int height) {
+  static DepthImage RandomDepth(int width, int height, double least = 1) {
     RandomStream random(1, 0, "segmenter_test");
     DepthImage depth(width, height);
-    for (float& z : depth) z = static_cast<float>(random.Uniform(1, 4));
+    for (float& z : depth) z = static_cast<float>(random.Uniform(least, 4));
     return depth;
   }
 
@@ -53,13 +56,11 @@ class NetworkSegmenterTest : public ::testing::Test {
     SegmentationResult result{LabelImage(depth.width(), depth.height()),
                               Image<float>(depth.width(), depth.height())};
     const auto values = p.accessor<float, 4>();
-    for (int v = 0; v < depth.height(); ++v) {
-      for (int u = 0; u < depth.width(); ++u) {
-        for (int k = 0; k < meta_.network.num_classes; ++k) {
-          if (values[0][k][v][u] > result.confidence(u, v)) {
-            result.confidence(u, v) = values[0][k][v][u];
-            result.labels(u, v) = static_cast<std::uint8_t>(k);
-          }
+    for (const auto [u, v] : Pixels(depth)) {
+      for (int k = 0; k < meta_.network.num_classes; ++k) {
+        if (values[0][k][v][u] > result.confidence(u, v)) {
+          result.confidence(u, v) = values[0][k][v][u];
+          result.labels(u, v) = static_cast<std::uint8_t>(k);
         }
       }
     }
@@ -152,39 +153,8 @@ TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
   ExpectError<DataError>([&] { LoadNetworkSegmenter(folder_ / "model.safetensors", &one); });
 }
 
-}  // namespace
-}  // namespace volalign::load_test
-
-namespace volalign::attention_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-
-class AttentionTest : public ::testing::Test {
+class AttentionTest : public NetworkSegmenterTest {
  protected:
-  std::filesystem::path Save(bool attention) {
-    StructureNetOptions options;
-    options.base_channels = 4;
-    options.attention = attention;
-    net_ = StructureNet(options);
-    net_->eval();
-    CheckpointMeta meta;
-    meta.network = options;
-    meta.structure = PaperStructure();
-    meta.focal_px = {117, 127};
-    meta.image_sizes = {{160, 144}};
-    SaveCheckpoint(folder_ / "model.safetensors", net_, meta, false);
-    return folder_ / "model.safetensors";
-  }
-
-  static DepthImage RandomDepth(int width, int height) {
-    RandomStream random(1, 0, "attention_test");
-    DepthImage depth(width, height);
-    for (float& z : depth) z = static_cast<float>(random.Uniform(0, 4));
-    return depth;
-  }
-
   /// Of the network's size, [1,1,H/16,W/16].
   at::Tensor Direct(const DepthImage& depth) {
     const c10::NoGradGuard no_grad;
@@ -192,15 +162,12 @@ class AttentionTest : public ::testing::Test {
                                            {1, 1, depth.height(), depth.width()}, at::kFloat);
     return net_->ForwardWithAttention(EncodeDepth(input, net_->options().input)).attention;
   }
-
-  TempFolder folder_;
-  StructureNet net_{nullptr};
 };
 
 TEST_F(AttentionTest, IsTheNetworksAtEachPixelAndTurnedBack) {
-  const auto file = Save(true);
+  const auto file = folder_ / "model.safetensors";
   const Intrinsics k = Kinect().Resized(160, 144);
-  const DepthImage depth = RandomDepth(160, 144);
+  const DepthImage depth = RandomDepth(160, 144, 0);
   for (int turns = 0; turns < 4; ++turns) {
     const Image<float> map = AttentionMaps(file, {{&depth, &k, turns}}).front();
     ASSERT_EQ(map.width(), 160);
@@ -209,12 +176,10 @@ TEST_F(AttentionTest, IsTheNetworksAtEachPixelAndTurnedBack) {
     const auto values = direct.accessor<float, 4>();
     const Image<float> turned = Turn(map, turns);  // as the network saw the frame
     double least = 1, most = 0;
-    for (int v = 0; v < turned.height(); ++v) {
-      for (int u = 0; u < turned.width(); ++u) {
-        ASSERT_NEAR(turned(u, v), values[0][0][v / 16][u / 16], 1e-5) << turns;
-        least = std::min<double>(least, turned(u, v));
-        most = std::max<double>(most, turned(u, v));
-      }
+    for (const auto [u, v] : Pixels(turned)) {
+      ASSERT_NEAR(turned(u, v), values[0][0][v / 16][u / 16], 1e-5) << turns;
+      least = std::min<double>(least, turned(u, v));
+      most = std::max<double>(most, turned(u, v));
     }
     EXPECT_GT(most - least, 1e-3);  // a constant map would pass every turn
   }
@@ -222,19 +187,17 @@ TEST_F(AttentionTest, IsTheNetworksAtEachPixelAndTurnedBack) {
 
 TEST_F(AttentionTest, ComesBackAtTheSizeOfAFrameThatIsResampled) {
   const Intrinsics k = Kinect();  // twice the focal length that the network knows
-  const DepthImage depth = RandomDepth(k.width, k.height);
-  const Image<float> map = AttentionMaps(Save(true), {{&depth, &k, 0}}).front();
+  const DepthImage depth = RandomDepth(k.width, k.height, 0);
+  const Image<float> map = AttentionMaps(folder_ / "model.safetensors", {{&depth, &k, 0}}).front();
   ASSERT_EQ(map.width(), k.width);
   ASSERT_EQ(map.height(), k.height);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u)
-      ASSERT_EQ(map(u, v), map(u / 32 * 32, v / 32 * 32)) << u << " " << v;
-  }
+  for (const auto [u, v] : Pixels(k.width, k.height))
+    ASSERT_EQ(map(u, v), map(u / 32 * 32, v / 32 * 32)) << u << " " << v;
 }
 
 TEST_F(AttentionTest, IsEmptyWithoutAttention) {
   const Intrinsics k = Kinect().Resized(160, 144);
-  const DepthImage depth = RandomDepth(160, 144);
+  const DepthImage depth = RandomDepth(160, 144, 0);
   const auto maps = AttentionMaps(Save(false), {{&depth, &k, 0}, {&depth, &k, 1}});
   ASSERT_EQ(maps.size(), 2u);
   EXPECT_TRUE(maps[0].empty());
@@ -242,4 +205,4 @@ TEST_F(AttentionTest, IsEmptyWithoutAttention) {
 }
 
 }  // namespace
-}  // namespace volalign::attention_test
+}  // namespace volalign::load_test

@@ -1,5 +1,6 @@
 #include "infer/segment_onnx/load.h"
 
+#include <ATen/ops/from_blob.h>
 #include <c10/core/GradMode.h>
 #include <gtest/gtest.h>
 
@@ -12,16 +13,17 @@
 #include "core/base/random.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/export_onnx.h"
+#include "core/nn/network.h"
 #include "infer/segment/load.h"
+#include "infer/segment_onnx/encode_depth.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
-namespace volalign::onnx_load_test {
+namespace volalign::load_test {
 namespace {
 
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 class OnnxSegmenterTest : public ::testing::Test {
  protected:
@@ -94,11 +96,10 @@ TEST_F(OnnxSegmenterTest, LabelsAsTheNetworkInLibTorch) {
       const std::vector<SegmentationResult> expected = theirs->Segment(requests);
       const std::vector<SegmentationResult> found = ours->Segment(requests);
       ASSERT_EQ(found.size(), expected.size());
-      for (std::size_t i = 0; i < found.size(); ++i) {
+      for (std::size_t i = 0; i < found.size(); ++i)
         ExpectEqual(
             found[i], expected[i],
             std::string(ToString(normalization)) + " " + ToString(input) + " " + std::to_string(i));
-      }
     }
   }
 }
@@ -120,5 +121,19 @@ TEST_F(OnnxSegmenterTest, SaysWhatIsWrongWithAFile) {
                          {"text.onnx"});
 }
 
+TEST(EncodeDepth, IsThatOfTheNetworkInLibTorch) {
+  DepthImage depth(3, 2);
+  const std::vector<float> values = {0, 0.3f, 2, 5.9999f, 6, 16};
+  std::copy(values.begin(), values.end(), depth.begin());
+  const at::Tensor tensor = at::from_blob(depth.data(), {1, 1, 2, 3}, at::kFloat);
+  for (const InputEncoding input : AllOf(InputEncoding())) {
+    const std::vector<float> ours = EncodeDepth(depth, input);
+    const at::Tensor theirs = EncodeDepth(tensor, input).contiguous();
+    ASSERT_EQ(ours.size(), static_cast<std::size_t>(theirs.numel()));
+    for (std::size_t i = 0; i < ours.size(); ++i)
+      EXPECT_EQ(ours[i], theirs.data_ptr<float>()[i]) << ToString(input) << " " << i;
+  }
+}
+
 }  // namespace
-}  // namespace volalign::onnx_load_test
+}  // namespace volalign::load_test

@@ -31,8 +31,8 @@ class OnnxNetworkTest : public ::testing::Test {
     return model.SerializeAsString();
   }
 
-  void ExpectRefused(const std::function<void(onnx::ModelProto*)>& change,
-                     const std::string& message) const {
+  void ExpectRefused(const std::string& message,
+                     const std::function<void(onnx::ModelProto*)>& change) const {
     const std::string altered = Altered(change);
     ExpectError<DataError>([&] { ReadOnnxNetwork(altered); }, {message});
   }
@@ -86,54 +86,37 @@ TEST_F(OnnxNetworkTest, RefusesDamagedFiles) {
 }
 
 TEST_F(OnnxNetworkTest, RefusesGraphsThatAreNotItsOwn) {
+  ExpectRefused("graph",
+                [](auto* model) { model->mutable_graph()->mutable_node(10)->set_op_type("Loop"); });
+  ExpectRefused("graph", [](auto* model) {
+    for (onnx::NodeProto& node : *model->mutable_graph()->mutable_node()) {
+      for (onnx::AttributeProto& attribute : *node.mutable_attribute()) {
+        if (attribute.name() == "pads") attribute.set_ints(0, 1 << 30);
+      }
+    }
+  });
   ExpectRefused(
-      [](onnx::ModelProto* model) {
-        model->mutable_graph()->mutable_node(10)->set_op_type("Loop");
-      },
-      "graph");
-  ExpectRefused(
-      [](onnx::ModelProto* model) {
-        for (onnx::NodeProto& node : *model->mutable_graph()->mutable_node()) {
-          for (onnx::AttributeProto& attribute : *node.mutable_attribute()) {
-            if (attribute.name() == "pads") attribute.set_ints(0, 1 << 30);
-          }
-        }
-      },
-      "graph");
-  ExpectRefused(
-      [](onnx::ModelProto* model) {
-        model->mutable_graph()->add_initializer()->set_name("another");
-      },
-      "graph");
-  ExpectRefused(
-      [](onnx::ModelProto* model) {
-        for (int i = 0; i < 3000; ++i) model->mutable_graph()->add_node();
-      },
-      "too many parts");
+      "graph", [](auto* model) { model->mutable_graph()->add_initializer()->set_name("another"); });
+  ExpectRefused("too many parts", [](auto* model) {
+    for (int i = 0; i < 3000; ++i) model->mutable_graph()->add_node();
+  });
 }
 
 TEST_F(OnnxNetworkTest, RefusesTensorsOfAnotherSize) {
   const std::string name = "encoder1_1.weight";
-  ExpectRefused([&](onnx::ModelProto* model) { Tensor(model, name)->clear_raw_data(); }, name);
-  ExpectRefused([&](onnx::ModelProto* model) { Tensor(model, name)->set_dims(0, 1 << 30); }, name);
-  ExpectRefused([&](onnx::ModelProto* model) { Tensor(model, name)->set_dims(0, -1); }, name);
-  ExpectRefused(
-      [&](onnx::ModelProto* model) {
-        Tensor(model, name)->set_data_type(onnx::TensorProto::INT64);
-      },
-      name);
-  ExpectRefused(
-      [&](onnx::ModelProto* model) {
-        Tensor(model, name)->clear_raw_data();
-        Tensor(model, name)->set_data_location(onnx::TensorProto::EXTERNAL);
-      },
-      name);
-  ExpectRefused([&](onnx::ModelProto* model) { Tensor(model, name)->set_name("other"); }, "lacks");
-  ExpectRefused(
-      [&](onnx::ModelProto* model) {
-        *model->mutable_graph()->add_initializer() = *Tensor(model, name);
-      },
-      "two tensors");
+  ExpectRefused(name, [&](auto* model) { Tensor(model, name)->clear_raw_data(); });
+  ExpectRefused(name, [&](auto* model) { Tensor(model, name)->set_dims(0, 1 << 30); });
+  ExpectRefused(name, [&](auto* model) { Tensor(model, name)->set_dims(0, -1); });
+  ExpectRefused(name,
+                [&](auto* model) { Tensor(model, name)->set_data_type(onnx::TensorProto::INT64); });
+  ExpectRefused(name, [&](auto* model) {
+    Tensor(model, name)->clear_raw_data();
+    Tensor(model, name)->set_data_location(onnx::TensorProto::EXTERNAL);
+  });
+  ExpectRefused("lacks", [&](auto* model) { Tensor(model, name)->set_name("other"); });
+  ExpectRefused("two tensors", [&](auto* model) {
+    *model->mutable_graph()->add_initializer() = *Tensor(model, name);
+  });
 }
 
 TEST_F(OnnxNetworkTest, RefusesMetadataOfAnother) {
@@ -143,17 +126,14 @@ TEST_F(OnnxNetworkTest, RefusesMetadataOfAnother) {
     }
     throw Error("no text " + key);
   };
-  ExpectRefused([&](onnx::ModelProto* model) { *text(model, kOnnxMetaKey) = "{"; }, "metadata");
-  ExpectRefused([&](onnx::ModelProto* model) { *text(model, kOnnxFormatKey) = "other/1"; },
-                "other/1");
-  ExpectRefused([&](onnx::ModelProto* model) { model->clear_metadata_props(); }, "format");
-  ExpectRefused(
-      [&](onnx::ModelProto* model) {
-        std::string* meta = text(model, kOnnxMetaKey);
-        const std::string key = "\"base_channels\": ";
-        meta->insert(meta->find(key) + key.size(), "1");
-      },
-      "attention.weight");
+  ExpectRefused("metadata", [&](auto* model) { *text(model, kOnnxMetaKey) = "{"; });
+  ExpectRefused("other/1", [&](auto* model) { *text(model, kOnnxFormatKey) = "other/1"; });
+  ExpectRefused("format", [&](auto* model) { model->clear_metadata_props(); });
+  ExpectRefused("attention.weight", [&](auto* model) {
+    std::string* meta = text(model, kOnnxMetaKey);
+    const std::string key = "\"base_channels\": ";
+    meta->insert(meta->find(key) + key.size(), "1");
+  });
 }
 
 }  // namespace

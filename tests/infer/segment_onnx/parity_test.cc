@@ -25,6 +25,7 @@
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/long_tests.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/nn/run_check.h"
 
@@ -43,9 +44,7 @@ fs::path CapturesFolder() {
 DepthImage Thinned(const DepthImage& depth) {
   const int n = (std::max(depth.width(), depth.height()) + 199) / 200;
   DepthImage thin(depth.width() / n, depth.height() / n);
-  for (int v = 0; v < thin.height(); ++v) {
-    for (int u = 0; u < thin.width(); ++u) thin(u, v) = depth(n * u, n * v);
-  }
+  for (const auto [u, v] : Pixels(thin)) thin(u, v) = depth(n * u, n * v);
   return thin;
 }
 
@@ -66,9 +65,7 @@ std::vector<DepthImage> RenderedFrames() {
   DepthImage odd(161, 143);
   const DepthImage& frame = *std::find_if(frames.begin(), frames.end(),
                                           [](const DepthImage& f) { return f.height() == 144; });
-  for (int v = 0; v < odd.height(); ++v) {
-    for (int u = 0; u < odd.width(); ++u) odd(u, v) = frame(std::min(u, 159), v);
-  }
+  for (const auto [u, v] : Pixels(odd)) odd(u, v) = frame(std::min(u, 159), v);
   frames.push_back(odd);
   return frames;
 }

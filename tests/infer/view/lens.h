@@ -3,7 +3,6 @@
 // A strong lens, and its inverse by bisection: shares no code with the library.
 
 #include <Eigen/Core>
-#include <cmath>
 
 #include "core/geometry/camera.h"
 
@@ -13,14 +12,7 @@ namespace volalign::testing_infer {
 /// lies in the direction of the pixel from the principal point. The corners of the image are bent
 /// inwards by a fifth.
 inline Intrinsics StrongLens() {
-  Intrinsics k;
-  k.width = 320;
-  k.height = 288;
-  k.fx = k.fy = 252.2;
-  k.cx = 163.9;
-  k.cy = 168.2;
-  k.distortion = {0.45, -0.02, 0, 0, -0.003, 0.68, 0.02, -0.005};
-  return k;
+  return {320, 288, 252.2, 252.2, 163.9, 168.2, {0.45, -0.02, 0, 0, -0.003, 0.68, 0.02, -0.005}};
 }
 
 /// Radius in the image, in focal lengths, of a ray at this radius on the plane z = 1.

@@ -4,20 +4,19 @@
 
 #include <cmath>
 #include <cstdint>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "infer/view/network_frame.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::network_segmenter_test {
 namespace {
 
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 /// Depth in centimetres is the label, the column of the network's frame the confidence.
 class Ruler : public NetworkSegmenter {
@@ -34,11 +33,9 @@ class Ruler : public NetworkSegmenter {
       EXPECT_EQ(depth->size(), depths.front()->size());
       SegmentationResult result{LabelImage(depth->width(), depth->height()),
                                 Image<float>(depth->width(), depth->height())};
-      for (int v = 0; v < depth->height(); ++v) {
-        for (int u = 0; u < depth->width(); ++u) {
-          result.labels(u, v) = static_cast<std::uint8_t>(std::lround(100 * (*depth)(u, v)));
-          result.confidence(u, v) = static_cast<float>(u);
-        }
+      for (const auto [u, v] : Pixels(*depth)) {
+        result.labels(u, v) = static_cast<std::uint8_t>(std::lround(100 * (*depth)(u, v)));
+        result.confidence(u, v) = static_cast<float>(u);
       }
       results.push_back(std::move(result));
     }
@@ -70,12 +67,6 @@ TEST(NetworkSegmenter, BringsFramesThereAndLabelsBack) {
   EXPECT_EQ(ruler.structure().Hash(), PaperStructure().Hash());
 }
 
-}  // namespace
-}  // namespace volalign::network_segmenter_test
-
-namespace volalign::network_frame_test {
-namespace {
-
 TEST(NetworkFrame, BringsTheFocalLengthIntoTheTrainedRange) {
   struct Case {
     double focal;
@@ -88,20 +79,15 @@ TEST(NetworkFrame, BringsTheFocalLengthIntoTheTrainedRange) {
   for (const Case& c : {Case{252.2, 320, 288, 2, 160, 144}, Case{235.9, 320, 180, 2, 160, 90},
                         Case{126.1, 160, 144, 1, 160, 144}, Case{127.5, 160, 144, 1, 160, 144},
                         Case{943.6, 1280, 720, 8, 160, 90}, Case{63, 80, 72, 0.5, 160, 144}}) {
-    Intrinsics k;
-    k.width = c.width;
-    k.height = c.height;
-    k.fx = k.fy = c.focal;
-    const NetworkFrame frame = PlanNetworkFrame(k, {117.0, 126.5});
+    const NetworkFrame frame =
+        PlanNetworkFrame({c.width, c.height, c.focal, c.focal, 0, 0, {}}, {117.0, 126.5});
     EXPECT_NEAR(frame.scale, c.scale, 0.05 * c.scale) << c.focal;
     EXPECT_NEAR(frame.width, c.out_width, 0.05 * c.out_width);
     EXPECT_NEAR(frame.height, c.out_height, 0.05 * c.out_height);
     EXPECT_GE(c.focal / frame.scale, 117.0 / 1.02);
     EXPECT_LE(c.focal / frame.scale, 126.5 * 1.02);
   }
-  Intrinsics tiny;
-  tiny.width = tiny.height = 20;
-  tiny.fx = tiny.fy = 252;
+  const Intrinsics tiny{20, 20, 252, 252, 0, 0, {}};
   ExpectError<DataError>([&] { PlanNetworkFrame(tiny, {117, 126}); }, {"20x20", "16 px"});
 }
 
@@ -111,16 +97,14 @@ TEST(NetworkFrame, ResamplingInventsNoDepth) {
   for (const double scale : {2.0, 2.37, 0.5}) {
     const NetworkFrame frame{static_cast<int>(320 / scale), static_cast<int>(288 / scale), scale};
     const DepthImage small = ResampleDepth(depth, frame);
-    for (int v = 0; v < small.height(); ++v) {
-      for (int u = 0; u < small.width(); ++u) {
-        const int i = static_cast<int>(small(u, v)) - 1;
-        ASSERT_EQ(static_cast<float>(i + 1), small(u, v)) << "not a value of the frame";
-        // Brute force: the frame pixel whose centre is nearest; pixel centres have integer
-        // coordinates.
-        const int column = i % 320, row = i / 320;
-        EXPECT_LE(std::abs(column - ((u + .5) * scale - .5)), 0.5 + 1e-9) << scale;
-        EXPECT_LE(std::abs(row - ((v + .5) * scale - .5)), 0.5 + 1e-9) << scale;
-      }
+    for (const auto [u, v] : Pixels(small)) {
+      const int i = static_cast<int>(small(u, v)) - 1;
+      ASSERT_EQ(static_cast<float>(i + 1), small(u, v)) << "not a value of the frame";
+      // Brute force: the frame pixel whose centre is nearest; pixel centres have integer
+      // coordinates.
+      const int column = i % 320, row = i / 320;
+      EXPECT_LE(std::abs(column - ((u + .5) * scale - .5)), 0.5 + 1e-9) << scale;
+      EXPECT_LE(std::abs(row - ((v + .5) * scale - .5)), 0.5 + 1e-9) << scale;
     }
   }
 }
@@ -129,29 +113,23 @@ TEST(NetworkFrame, LabelsComeBackToTheSurfaceThatTheyMark) {
   // An edge at column 5: the half-size frame samples odd columns, so that column 4's nearest sample
   // is across it.
   DepthImage depth(12, 8, 3.0f);
-  for (int v = 0; v < 8; ++v) {
-    for (int u = 0; u < 5; ++u) depth(u, v) = 2.0f;
-  }
+  for (const auto [u, v] : Pixels(5, 8)) depth(u, v) = 2.0f;
   depth(1, 1) = 0;
   const NetworkFrame frame{6, 4, 2.0};
   const DepthImage small = ResampleDepth(depth, frame);
   LabelImage labels(6, 4);
   Image<float> confidence(6, 4);
-  for (int v = 0; v < 4; ++v) {
-    for (int u = 0; u < 6; ++u) {
-      labels(u, v) = small(u, v) == 2.0f ? 7 : 0;
-      confidence(u, v) = labels(u, v) ? 0.75f : 0.5f;
-    }
+  for (const auto [u, v] : Pixels(6, 4)) {
+    labels(u, v) = small(u, v) == 2.0f ? 7 : 0;
+    confidence(u, v) = labels(u, v) ? 0.75f : 0.5f;
   }
   const SegmentationResult result = RestoreSegmentation(depth, small, labels, confidence, frame);
-  for (int v = 0; v < 8; ++v) {
-    for (int u = 0; u < 12; ++u) {
-      const bool hole = u == 1 && v == 1;
-      EXPECT_EQ(result.labels(u, v), u < 5 && !hole ? 7 : 0) << u << " " << v;
-      EXPECT_EQ(result.confidence(u, v), hole ? 0.0f : u < 5 ? 0.75f : 0.5f) << u << " " << v;
-    }
+  for (const auto [u, v] : Pixels(12, 8)) {
+    const bool hole = u == 1 && v == 1;
+    EXPECT_EQ(result.labels(u, v), u < 5 && !hole ? 7 : 0) << u << " " << v;
+    EXPECT_EQ(result.confidence(u, v), hole ? 0.0f : u < 5 ? 0.75f : 0.5f) << u << " " << v;
   }
 }
 
 }  // namespace
-}  // namespace volalign::network_frame_test
+}  // namespace volalign::network_segmenter_test

@@ -15,15 +15,14 @@
 #include "infer/view/prior_errors.h"
 #include "infer/view/segmentation.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/view/lens.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::sensor_view_test {
 namespace {
 
-using testing_infer::Coarse;
-using testing_infer::RayThroughStrongLens;
-using testing_infer::StrongLens;
+using namespace testing_infer;
 
 // A tilted plane, seen through a lens whose rays are found by bisection.
 TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
@@ -31,28 +30,24 @@ TEST(SensorView, PointsThroughAStrongLensLieWhereTheyWereMeasured) {
   const Eigen::Vector3d normal = Eigen::Vector3d(0.3, -0.2, 1).normalized();
   const double distance = 1.8;
   DepthImage depth(lens.width, lens.height);
-  for (int v = 0; v < lens.height; ++v) {
-    for (int u = 0; u < lens.width; ++u) {
-      const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
-      depth(u, v) = static_cast<float>(distance / normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)));
-    }
+  for (const auto [u, v] : Pixels(lens.width, lens.height)) {
+    const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
+    depth(u, v) = static_cast<float>(distance / normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)));
   }
   const SensorView view = MakeSensorView(depth, lens);
   double worst_plane = 0, worst_point = 0, largest_bend = 0;
-  for (int v = 0; v < lens.height; ++v) {
-    for (int u = 0; u < lens.width; ++u) {
-      const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
-      const double z = depth(u, v);
-      ASSERT_EQ(view.depth(u, v), depth(u, v)) << u << " " << v;
-      const Eigen::Vector3d expected(z * ray.x(), z * ray.y(), z);
-      const Eigen::Vector3d pinhole(z * (u - lens.cx) / lens.fx, z * (v - lens.cy) / lens.fy, z);
-      worst_point = std::max(worst_point, (view.Point(u, v) - expected).norm());
-      worst_plane = std::max(worst_plane, std::abs(normal.dot(view.Point(u, v)) - distance));
-      largest_bend = std::max(largest_bend, (pinhole - expected).norm());
-    }
+  for (const auto [u, v] : Pixels(lens.width, lens.height)) {
+    const Eigen::Vector2d ray = RayThroughStrongLens(lens, u, v);
+    const double z = depth(u, v);
+    ASSERT_EQ(view.depth(u, v), depth(u, v)) << u << " " << v;
+    const Eigen::Vector3d expected(z * ray.x(), z * ray.y(), z);
+    const Eigen::Vector3d pinhole(z * (u - lens.cx) / lens.fx, z * (v - lens.cy) / lens.fy, z);
+    worst_point = std::max(worst_point, (view.Point(u, v) - expected).norm());
+    worst_plane = std::max(worst_plane, std::abs(normal.dot(view.Point(u, v)) - distance));
+    largest_bend = std::max(largest_bend, (pinhole - expected).norm());
   }
-  EXPECT_FALSE(!(worst_point < 1e-4)) << worst_point;
-  EXPECT_FALSE(!(worst_plane < 1e-4)) << worst_plane;
+  EXPECT_LT(worst_point, 1e-4);
+  EXPECT_LT(worst_plane, 1e-4);
   EXPECT_GT(largest_bend, 0.1);  // the lens is strong
 }
 
@@ -60,14 +55,12 @@ TEST(SensorView, PixelsBeyondTheFoldOfALensHaveNoDepth) {
   // r (1 - 0.5 r^2) rises up to 0.5443.
   const Intrinsics k{320, 288, 252.4, 251.9, 163.2, 165.7, {-0.5, 0, 0, 0}};
   const SensorView view = MakeSensorView(DepthImage(k.width, k.height, 2.0f), k);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
-      if (radius < 0.53 || radius > 0.55) {
-        ASSERT_EQ(view.depth(u, v), radius < 0.53 ? 2.0f : 0.0f) << u << " " << v;
-      }
-      ASSERT_TRUE(view.rays.at(u, v).allFinite());
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double radius = std::hypot((u - k.cx) / k.fx, (v - k.cy) / k.fy);
+    if (radius < 0.53 || radius > 0.55) {
+      ASSERT_EQ(view.depth(u, v), radius < 0.53 ? 2.0f : 0.0f) << u << " " << v;
     }
+    ASSERT_TRUE(view.rays.at(u, v).allFinite());
   }
 }
 
@@ -77,19 +70,16 @@ TEST(SensorView, DropsWhatIsNoMeasurement) {
   depth(4, 4) = std::numeric_limits<float>::quiet_NaN();
   depth(5, 4) = std::numeric_limits<float>::infinity();
   const SensorView view = MakeSensorView(depth, Coarse());
-  for (int v = 0; v < 10; ++v) {
-    for (int u = 0; u < 20; ++u)
-      EXPECT_EQ(view.depth(u, v), v == 4 && u >= 3 && u <= 5 ? 0.0f : 1.5f) << u << " " << v;
-  }
+  for (const auto [u, v] : Pixels(20, 10))
+    EXPECT_EQ(view.depth(u, v), v == 4 && u >= 3 && u <= 5 ? 0.0f : 1.5f) << u << " " << v;
   ExpectError<DataError>([&] { MakeSensorView(DepthImage(10, 20), Coarse()); }, {"10x20", "20x10"});
 }
 
 // A plane at 2 m, perpendicular to the axis: each pixel covers 5 cm x 5 cm of it.
 TEST(SensorView, PixelAreaIsThatOfTheSurface) {
   const SensorView view = MakeSensorView(DepthImage(20, 10, 2.0f), Coarse());
-  for (const int u : {0, 9, 19}) {
+  for (const int u : {0, 9, 19})
     EXPECT_NEAR(view.PixelArea(u, 3, 2, -Eigen::Vector3d::UnitZ()), 0.0025, 1e-9);
-  }
   // Turned by 60 deg about the vertical, a surface on the axis shows half as much of itself.
   const Eigen::Vector3d normal(std::sin(M_PI / 3), 0, -std::cos(M_PI / 3));
   const Intrinsics centred{21, 11, 40, 40, 10, 5, {}};
@@ -108,27 +98,24 @@ Intrinsics Skewed() {
 // Each pixel's area is that between the rays half a pixel beside it; together they fill what the
 // rays of the picture's outline enclose. The rays are testing_infer's own.
 TEST(SensorView, AreasOfRaysAreThoseBetweenTheirNeighbours) {
-  using testing_infer::KinectWithLens;
-  for (const Intrinsics& lens : {testing_infer::Kinect(), KinectWithLens(), Skewed()}) {
+  for (const Intrinsics& lens : {Kinect(), KinectWithLens(), Skewed()}) {
     SCOPED_TRACE(lens.distortion.size());
     const SensorView view = MakeSensorView(DepthImage(lens.width, lens.height, 1.0f), lens);
     const auto cross = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
       return a.x() * b.y() - a.y() * b.x();
     };
-    const auto ray = [&](double u, double v) { return testing_infer::RayThroughLens(lens, u, v); };
+    const auto ray = [&](double u, double v) { return RayThroughLens(lens, u, v); };
     double worst = 0, sum = 0, largest = 0;
-    for (int v = 0; v < lens.height; ++v) {
-      for (int u = 0; u < lens.width; ++u) {
-        const double area = view.ray_areas(u, v);
-        sum += area;
-        largest = std::max(largest, area * lens.fx * lens.fy);
-        if (u % 16 != 0 || v % 16 != 0) continue;
-        const double between = cross(ray(u + 0.5, v) - ray(u - 0.5, v),  //
-                                     ray(u, v + 0.5) - ray(u, v - 0.5));
-        worst = std::max(worst, std::abs(area / between - 1));
-      }
+    for (const auto [u, v] : Pixels(lens.width, lens.height)) {
+      const double area = view.ray_areas(u, v);
+      sum += area;
+      largest = std::max(largest, area * lens.fx * lens.fy);
+      if (u % 16 != 0 || v % 16 != 0) continue;
+      const double between = cross(ray(u + 0.5, v) - ray(u - 0.5, v),  //
+                                   ray(u, v + 0.5) - ray(u, v - 0.5));
+      worst = std::max(worst, std::abs(area / between - 1));
     }
-    EXPECT_FALSE(!(worst < 1e-3)) << worst;
+    EXPECT_LT(worst, 1e-3);
     if (lens.distortion.size() == 8) {
       EXPECT_GT(largest, 1.75);
     }
@@ -204,12 +191,6 @@ TEST(StrideForRays, LeavesAtLeastSoMany) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::sensor_view_test
-
-namespace volalign::frames_test {
-namespace {
-
 Still StillOf(const std::string& name, const std::vector<std::string>& sensors) {
   Still still;
   still.name = name;
@@ -244,12 +225,6 @@ TEST(PerFrame, GoesStillByStill) {
   EXPECT_FALSE(ids[2] < ids[1]);
 }
 
-}  // namespace
-}  // namespace volalign::frames_test
-
-namespace volalign {
-namespace {
-
 TEST(PriorErrorsOf, HasTheKindsErrorsButForTheSmoothOne) {
   for (const char* kind : {"realsense_d415", "azure_kinect_nfov_binned", "lidar"}) {
     const DepthErrorModel prior = PriorErrorsOf(kind);
@@ -260,13 +235,7 @@ TEST(PriorErrorsOf, HasTheKindsErrorsButForTheSmoothOne) {
   EXPECT_LT(PriorErrorsOf("realsense_d415").Smooth(2), ErrorsOf("realsense_d415").Smooth(2));
 }
 
-}  // namespace
-}  // namespace volalign
-
 // Rays of a camera with a lens against those of OpenCV, whose model captures state.
-namespace volalign::opencv_rays_test {
-namespace {
-
 class OpencvRays : public testing::TestWithParam<std::vector<double>> {
  protected:
   OpencvRays()
@@ -293,16 +262,13 @@ TEST_P(OpencvRays, ProjectAsProjectPoints) {
 
 TEST_P(OpencvRays, RaysAsUndistortPoints) {
   std::vector<cv::Point2d> pixels, rays;
-  for (int v = 0; v < intrinsics_.height; ++v) {
-    for (int u = 0; u < intrinsics_.width; ++u) pixels.emplace_back(u, v);
-  }
+  for (const auto [u, v] : Pixels(intrinsics_.width, intrinsics_.height)) pixels.emplace_back(u, v);
   // The iteration is slow towards the corners of a strong lens.
   const cv::TermCriteria until(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 2000, 1e-12);
   cv::undistortPoints(pixels, rays, matrix_, GetParam(), cv::noArray(), cv::noArray(), until);
   const RayTable table = ComputeRays(intrinsics_);
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    ASSERT_FALSE(
-        !(std::hypot(table.rays[i].x() - rays[i].x, table.rays[i].y() - rays[i].y) <= 2e-7))
+    ASSERT_LE(std::hypot(table.rays[i].x() - rays[i].x, table.rays[i].y() - rays[i].y), 2e-7)
         << pixels[i];
   }
 }
@@ -316,4 +282,4 @@ INSTANTIATE_TEST_SUITE_P(Lenses, OpencvRays,
                                                              5.05586, 4.77578, 0.88649}));
 
 }  // namespace
-}  // namespace volalign::opencv_rays_test
+}  // namespace volalign::sensor_view_test

@@ -18,6 +18,7 @@
 #include "core/geometry/visibility.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_frame.h"
+#include "tests/core/base/pixels.h"
 
 namespace volalign::testing_infer {
 
@@ -39,26 +40,10 @@ inline std::vector<int> LabelsOf(const Structure& structure,
   return labels;
 }
 
-inline Intrinsics Kinect() {
-  Intrinsics intrinsics;
-  intrinsics.width = 320;
-  intrinsics.height = 288;
-  intrinsics.fx = intrinsics.fy = 252.2;
-  intrinsics.cx = 163.9;
-  intrinsics.cy = 168.2;
-  return intrinsics;
-}
+inline Intrinsics Kinect() { return {320, 288, 252.2, 252.2, 163.9, 168.2, {}}; }
 
 /// 20x10 pixels of 25 mm at 1 m, the axis between the middle ones: for pixels counted by hand.
-inline Intrinsics Coarse() {
-  Intrinsics intrinsics;
-  intrinsics.width = 20;
-  intrinsics.height = 10;
-  intrinsics.fx = intrinsics.fy = 40;
-  intrinsics.cx = 9.5;
-  intrinsics.cy = 4.5;
-  return intrinsics;
-}
+inline Intrinsics Coarse() { return {20, 10, 40, 40, 9.5, 4.5, {}}; }
 
 /// A sensor mounted on its side, looking at a point near the structure's middle. Angles in degrees,
 /// metres.
@@ -110,10 +95,8 @@ inline Intrinsics KinectWithLens() {
 
 inline RayTable RaysThroughLens(const Intrinsics& intrinsics) {
   RayTable table{intrinsics.width, intrinsics.height, {}};
-  for (int v = 0; v < intrinsics.height; ++v) {
-    for (int u = 0; u < intrinsics.width; ++u)
-      table.rays.push_back(RayThroughLens(intrinsics, u, v).cast<float>());
-  }
+  for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height))
+    table.rays.push_back(RayThroughLens(intrinsics, u, v).cast<float>());
   return table;
 }
 
@@ -136,23 +119,21 @@ inline SyntheticView Render(const Structure& structure, const Intrinsics& intrin
   ExpectedView view = CastView(structure, rays, pose);
   const Eigen::Vector3d origin = pose.translation();
   const Eigen::Vector3d in_room = scene.room_from_structure * origin;
-  for (int v = 0; v < intrinsics.height; ++v) {
-    for (int u = 0; u < intrinsics.width; ++u) {
-      if (view.depth(u, v) > 0 || !rays.at(u, v).allFinite()) continue;
-      const Eigen::Vector3d direction =
-          pose.linear() * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
-      double nearest = 1e9;
-      if (scene.floor && direction.y() < 0) {
-        nearest = (structure.FloorHeight() - origin.y()) / direction.y();
-      }
-      const Eigen::Vector3d to = scene.room_from_structure.linear() * direction;
-      for (const int axis : {0, 2}) {
-        if (scene.wall <= 0 || to[axis] == 0) continue;
-        const double t = (std::copysign(scene.wall, to[axis]) - in_room[axis]) / to[axis];
-        nearest = std::min(nearest, t);
-      }
-      if (nearest < 15) view.depth(u, v) = static_cast<float>(nearest);
+  for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height)) {
+    if (view.depth(u, v) > 0 || !rays.at(u, v).allFinite()) continue;
+    const Eigen::Vector3d direction =
+        pose.linear() * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
+    double nearest = 1e9;
+    if (scene.floor && direction.y() < 0) {
+      nearest = (structure.FloorHeight() - origin.y()) / direction.y();
     }
+    const Eigen::Vector3d to = scene.room_from_structure.linear() * direction;
+    for (const int axis : {0, 2}) {
+      if (scene.wall <= 0 || to[axis] == 0) continue;
+      const double t = (std::copysign(scene.wall, to[axis]) - in_room[axis]) / to[axis];
+      nearest = std::min(nearest, t);
+    }
+    if (nearest < 15) view.depth(u, v) = static_cast<float>(nearest);
   }
   return {std::move(view.depth), std::move(view.labels)};
 }
@@ -192,8 +173,8 @@ struct Rig {
   std::vector<SensorFrame> frames;
   std::vector<LabelImage> labels;
 
-  void Add(const std::string& name, const Pose& pose, const Scene& scene = {},
-           const Intrinsics& intrinsics = Kinect()) {
+  SensorFrame& Add(const std::string& name, const Pose& pose, const Scene& scene = {},
+                   const Intrinsics& intrinsics = Kinect()) {
     SyntheticView view = Render(structure, intrinsics, pose, scene);
     SensorFrame frame;
     frame.name = name;
@@ -203,6 +184,12 @@ struct Rig {
     frame.ground_truth = pose;
     frames.push_back(std::move(frame));
     labels.push_back(std::move(view.labels));
+    return frames.back();
+  }
+  /// Of the name S0, S1 and so on.
+  SensorFrame& Add(const Pose& pose, const Scene& scene = {},
+                   const Intrinsics& intrinsics = Kinect()) {
+    return Add("S" + std::to_string(frames.size()), pose, scene, intrinsics);
   }
 
   StoredSegmenter PerfectSegmenter() const {
@@ -215,8 +202,7 @@ struct Rig {
 
 inline Rig RingOfEight(const Scene& scene = {}) {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 8; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), scene);
+  for (int i = 0; i < 8; ++i) rig.Add(RingPose(45.0 * i, 2.0, 0.3 + 0.05 * (i % 3)), scene);
   return rig;
 }
 
@@ -231,8 +217,7 @@ void Restrict(const Structure& structure, LabelImage* labels, Keep keep) {
 /// Three sensors round the structure in a room.
 inline Rig ThreeSensors() {
   Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 3; ++i)
-    rig.Add("S" + std::to_string(i), RingPose(25.0 + 110 * i), {true, 3.5});
+  for (int i = 0; i < 3; ++i) rig.Add(RingPose(25.0 + 110 * i), {true, 3.5});
   return rig;
 }
 
@@ -250,19 +235,17 @@ inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most
       (*labels)(u, v) = 0;
     }
   };
-  for (int v = 0; v < before.height(); ++v) {
-    for (int u = 0; u < before.width(); ++u) {
-      for (int axis = 0; axis < 2; ++axis) {
-        for (const int sign : {-1, 1}) {
-          const int du = axis == 0 ? sign : 0, dv = axis == 0 ? 0 : sign;
-          if (!before.Contains(u + du, v + dv) || !(before(u, v) > 0)) continue;
-          const float other = before(u + du, v + dv);
-          if (other > 0 && other < before(u, v) + kJump) continue;
-          const int gap = least + random.Below(most - least + 1);
-          const int near = other > 0 ? random.Below(gap + 1) : gap;
-          erase(u, v, -du, -dv, near);
-          erase(u + du, v + dv, du, dv, gap - near);
-        }
+  for (const auto [u, v] : Pixels(before)) {
+    for (int axis = 0; axis < 2; ++axis) {
+      for (const int sign : {-1, 1}) {
+        const int du = axis == 0 ? sign : 0, dv = axis == 0 ? 0 : sign;
+        if (!before.Contains(u + du, v + dv) || !(before(u, v) > 0)) continue;
+        const float other = before(u + du, v + dv);
+        if (other > 0 && other < before(u, v) + kJump) continue;
+        const int gap = least + random.Below(most - least + 1);
+        const int near = other > 0 ? random.Below(gap + 1) : gap;
+        erase(u, v, -du, -dv, near);
+        erase(u + du, v + dv, du, dv, gap - near);
       }
     }
   }
@@ -273,10 +256,8 @@ inline void LeaveGaps(DepthImage* depth, LabelImage* labels, int least, int most
 /// it sees is a stack whose left and right sides have changed places.
 inline void FlipFrame(const Structure& structure, SensorFrame* frame, LabelImage* labels) {
   const auto flip = [](auto* image) {
-    for (int v = 0; v < image->height(); ++v) {
-      for (int u = 0; u < image->width() / 2; ++u)
-        std::swap((*image)(u, v), (*image)(image->width() - 1 - u, v));
-    }
+    for (const auto [u, v] : Pixels(image->width() / 2, image->height()))
+      std::swap((*image)(u, v), (*image)(image->width() - 1 - u, v));
   };
   flip(&frame->depth);
   flip(labels);

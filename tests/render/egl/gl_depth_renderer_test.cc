@@ -21,7 +21,9 @@
 #include "render/scene_mesh.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/render/both_renderers.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::gl_depth_renderer_test {
 namespace {
@@ -180,14 +182,7 @@ TEST_P(LensPictureTest, AgreesWithAnalyticRayCaster) {
   SceneMesh mesh;
   mesh.AppendStructure(structure);
   const std::array<Intrinsics, 3> cameras = {
-      Intrinsics{160,
-                 144,
-                 126.1,
-                 126.1,
-                 79.3,
-                 84.6,
-                 {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}},
-      Intrinsics{128, 106, 91.8, 91.8, 64.2, 51.1, {0.09, -0.27, 0, 0, 0.10}},
+      HalfKinect(), Intrinsics{128, 106, 91.8, 91.8, 64.2, 51.1, {0.09, -0.27, 0, 0, 0.10}},
       Intrinsics{120, 100, 130, 128, 58.7, 50.2, {-0.12, 0.04, 0.003, -0.002}}};
   std::mt19937 random(8);
   const auto uniform = [&random](double low, double high) {
@@ -275,16 +270,14 @@ TEST_P(DepthRendererTest, FloorDepthHasClosedForm) {
   pose.translation() = Eigen::Vector3d(0.3, 0.39, -1);
   RenderedView view;
   renderer_.Render(mesh, k, pose, &view);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      if (v < 21) {
-        EXPECT_EQ(view.depth(u, v), 0);
-        EXPECT_EQ(view.labels(u, v), 0);
-      } else if (v > 22) {
-        const double z = 1.2 * k.fy / (v - k.cy);
-        EXPECT_NEAR(view.depth(u, v), z, 2e-6 * z);
-        EXPECT_EQ(view.labels(u, v), 5);
-      }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    if (v < 21) {
+      EXPECT_EQ(view.depth(u, v), 0);
+      EXPECT_EQ(view.labels(u, v), 0);
+    } else if (v > 22) {
+      const double z = 1.2 * k.fy / (v - k.cy);
+      EXPECT_NEAR(view.depth(u, v), z, 2e-6 * z);
+      EXPECT_EQ(view.labels(u, v), 5);
     }
   }
 }
@@ -315,19 +308,17 @@ TEST_P(DepthRendererTest, RoundBodiesLieWithinTheirChords) {
   RenderedView view;
   renderer_.Render(mesh, k, Pose::Identity(), &view);
   int inside = 0;
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      const double x = (u - k.cx) / k.fx, y = (v - k.cy) / k.fy;
-      // |s (x, y, 1) - (0, 0, 2)| = 0.5
-      const double a = x * x + y * y + 1, discriminant = 4 - a * (4 - 0.25);
-      EXPECT_TRUE(discriminant >= 0 || view.depth(u, v) == 0);
-      if (discriminant < 0.1) continue;
-      ++inside;
-      const double z = (2 - std::sqrt(discriminant)) / a;
-      EXPECT_GE(view.depth(u, v), z - 1e-4);
-      EXPECT_LE(view.depth(u, v),
-                z + 0.16);  // two rings a hemisphere cap: 0.5 (1 - cos 22.5 deg), seen aslant
-    }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double x = (u - k.cx) / k.fx, y = (v - k.cy) / k.fy;
+    // |s (x, y, 1) - (0, 0, 2)| = 0.5
+    const double a = x * x + y * y + 1, discriminant = 4 - a * (4 - 0.25);
+    EXPECT_TRUE(discriminant >= 0 || view.depth(u, v) == 0);
+    if (discriminant < 0.1) continue;
+    ++inside;
+    const double z = (2 - std::sqrt(discriminant)) / a;
+    EXPECT_GE(view.depth(u, v), z - 1e-4);
+    EXPECT_LE(view.depth(u, v),
+              z + 0.16);  // two rings a hemisphere cap: 0.5 (1 - cos 22.5 deg), seen aslant
   }
   EXPECT_GT(inside, 500);
 }
@@ -382,7 +373,7 @@ TEST(EglContextTest, LeavesTheEnvironmentAlone) {
 
 TEST(EglContextTest, DescribesItsRenderer) {
   const EglContext egl;
-  EXPECT_NE(egl.Describe().find("OpenGL 4."), std::string::npos) << egl.Describe();
+  EXPECT_TRUE(Has(egl.Describe(), "OpenGL 4."));
 }
 
 }  // namespace

@@ -8,7 +8,9 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
 #include "render/tiles/tile_renderer.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/render/both_renderers.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::renderers_test {
 namespace {
@@ -18,7 +20,7 @@ TEST(ChooseRenderersTest, DecidesAuto) {
   EXPECT_EQ(ChooseRenderers("cpu").name, "cpu");
   EXPECT_EQ(ChooseRenderers("auto").name, EglContext().IsSoftware() ? "cpu" : "egl");
   EXPECT_EQ(ChooseRenderers("auto", {}, /*cuda_trains=*/true).name, "cpu");
-  EXPECT_NE(ChooseRenderers("auto", {}, true).description.find("GPU"), std::string::npos);
+  EXPECT_TRUE(Has(ChooseRenderers("auto", {}, true).description, "GPU"));
   EXPECT_THROW(ChooseRenderers("gl"), Error);
 }
 
@@ -45,11 +47,8 @@ TEST_P(SampleScenes, LookTheSame) {
   GlDepthRenderer gl;
   TileRenderer tiles;
   BothRenderers both(gl, tiles, true);
-  SampleConfig config;
-  config.sensors = {GetParam().first};
-  config.image_sizes = {GetParam().second};
-  config.noise.models = {"none"};
-  const SampleContext context = MakeSampleContext(config, 16);
+  const SampleContext context =
+      MakeSampleContext(SamplesOf(GetParam().first, GetParam().second, "none"), 16);
   for (std::uint64_t index = 0; index < 24; ++index) Synthesize(context, both, 77, index);
   // Through a lens, OpenGL loses what is smaller than a pixel of the picture that it is cut from.
   both.ExpectTheSame(context.image_sizes[0].first < 100 ? 5e-3 : 5e-4);

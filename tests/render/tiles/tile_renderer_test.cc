@@ -11,6 +11,8 @@
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "render/sample.h"
+#include "tests/core/base/pixels.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign {
 
@@ -23,13 +25,7 @@ namespace tile_renderer_test {
 namespace {
 
 const Intrinsics kPinhole{161, 143, 126, 125, 79.3, 71.8, {}};
-const Intrinsics kKinect{160,
-                         144,
-                         126.1,
-                         126.1,
-                         79.3,
-                         84.6,
-                         {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419}};
+const Intrinsics kKinect = HalfKinect();
 
 /// A large square at `distance` m along the optical axis, turned by `tilt` rad about an oblique
 /// axis.
@@ -64,16 +60,14 @@ TEST_P(TileRendererBy, DepthHasItsClosedFormNearAndFarThroughEveryLens) {
         const Wall wall(distance, tilt);
         RenderedView view;
         renderer_.Render(wall.mesh, k, Pose::Identity(), &view);
-        for (int v = 0; v < k.height; ++v) {
-          for (int u = 0; u < k.width; ++u) {
-            const double z = view.depth(u, v);
-            ASSERT_EQ(view.labels(u, v), 3);
-            ASSERT_EQ(view.faces(u, v), 1);
-            const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
-            ASSERT_NEAR((ProjectRay(k, ray) - Eigen::Vector2d(u, v)).norm(), 0, 1e-3);
-            const Eigen::Vector3d p = z * Eigen::Vector3d(ray.x(), ray.y(), 1);
-            ASSERT_NEAR(wall.normal.dot(p - wall.middle), 0, 2e-6 * z) << u << " " << v;
-          }
+        for (const auto [u, v] : Pixels(k.width, k.height)) {
+          const double z = view.depth(u, v);
+          ASSERT_EQ(view.labels(u, v), 3);
+          ASSERT_EQ(view.faces(u, v), 1);
+          const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
+          ASSERT_NEAR((ProjectRay(k, ray) - Eigen::Vector2d(u, v)).norm(), 0, 1e-3);
+          const Eigen::Vector3d p = z * Eigen::Vector3d(ray.x(), ray.y(), 1);
+          ASSERT_NEAR(wall.normal.dot(p - wall.middle), 0, 2e-6 * z) << u << " " << v;
         }
       }
     }
@@ -85,13 +79,11 @@ TEST_P(TileRendererBy, NothingIsSeenWhereTheLensHasNoRay) {
   const Intrinsics k{160, 144, 126, 126, 79, 72, {-0.5, 0, 0, 0}};
   RenderedView view;
   renderer_.Render(Wall(2, 0).mesh, k, Pose::Identity(), &view);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      const double radius = std::hypot(u - k.cx, v - k.cy) / k.fx;
-      if (std::abs(radius - 0.545) < 0.005) continue;
-      ASSERT_EQ(view.labels(u, v), radius < 0.54 ? 3 : 0) << u << " " << v;
-      ASSERT_NEAR(view.depth(u, v), radius < 0.54 ? 2 : 0, 1e-6);
-    }
+  for (const auto [u, v] : Pixels(k.width, k.height)) {
+    const double radius = std::hypot(u - k.cx, v - k.cy) / k.fx;
+    if (std::abs(radius - 0.545) < 0.005) continue;
+    ASSERT_EQ(view.labels(u, v), radius < 0.54 ? 3 : 0) << u << " " << v;
+    ASSERT_NEAR(view.depth(u, v), radius < 0.54 ? 2 : 0, 1e-6);
   }
 }
 
@@ -103,17 +95,15 @@ TEST_P(TileRendererBy, FacesNearerThanTheNearPlaneAreNotSeen) {
   const Wall tilted(0.03, 1.2);
   renderer_.Render(tilted.mesh, kPinhole, Pose::Identity(), &view);
   long seen = 0;
-  for (int v = 0; v < kPinhole.height; ++v) {
-    for (int u = 0; u < kPinhole.width; ++u) {
-      const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
-      const double inverse = tilted.normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)) /
-                             tilted.normal.dot(tilted.middle);
-      // The wall ends somewhere beyond 10 m.
-      if (std::abs(inverse - 50) < 1e-3 || (inverse > 0 && inverse < 0.1)) continue;
-      const bool is_seen = inverse > 0 && inverse < 50;
-      EXPECT_NEAR(view.depth(u, v), is_seen ? 1 / inverse : 0, 1e-5 / (inverse * inverse));
-      seen += is_seen;
-    }
+  for (const auto [u, v] : Pixels(kPinhole.width, kPinhole.height)) {
+    const Eigen::Vector2d ray = view.rays->at(u, v).cast<double>();
+    const double inverse =
+        tilted.normal.dot(Eigen::Vector3d(ray.x(), ray.y(), 1)) / tilted.normal.dot(tilted.middle);
+    // The wall ends somewhere beyond 10 m.
+    if (std::abs(inverse - 50) < 1e-3 || (inverse > 0 && inverse < 0.1)) continue;
+    const bool is_seen = inverse > 0 && inverse < 50;
+    EXPECT_NEAR(view.depth(u, v), is_seen ? 1 / inverse : 0, 1e-5 / (inverse * inverse));
+    seen += is_seen;
   }
   EXPECT_GT(seen, 1000);
 }
@@ -130,11 +120,8 @@ TEST(TileRendererTest, EdgesLieWhereTheyProject) {
   TileRenderer renderer;
   RenderedView view;
   renderer.Render(mesh, k, Pose::Identity(), &view);
-  for (int v = 0; v < k.height; ++v) {
-    for (int u = 0; u < k.width; ++u) {
-      EXPECT_EQ(view.labels(u, v), u > 20 && u <= 60 && v > 30 && v <= 50 ? 9 : 0);
-    }
-  }
+  for (const auto [u, v] : Pixels(k.width, k.height))
+    EXPECT_EQ(view.labels(u, v), u > 20 && u <= 60 && v > 30 && v <= 50 ? 9 : 0);
 }
 
 // Small squares beside the picture's borders, inside, in pictures of either orientation and off
@@ -194,9 +181,8 @@ std::vector<RenderedView> SampleViews(const tiles::TileKernels& kernels, bool ba
   const SampleContext context = MakeSampleContext(config, 1);
   constexpr std::uint64_t kCount = 12;
   Recorder recorder(kernels);
-  for (std::uint64_t i = 0; i < kCount; ++i) {
+  for (std::uint64_t i = 0; i < kCount; ++i)
     Synthesize(context, recorder, 5, backwards ? kCount - 1 - i : i);
-  }
   if (backwards) std::reverse(recorder.views.begin(), recorder.views.end());
   return recorder.views;
 }

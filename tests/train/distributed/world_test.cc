@@ -1,12 +1,24 @@
 #include "train/distributed/world.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <chrono>
+#include <csignal>
+#include <filesystem>
 #include <map>
+#include <sstream>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "core/base/error.h"
+#include "core/base/file_util.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "train/distributed/launch.h"
+#include "train/distributed/rendezvous.h"
 
 namespace volalign::world_test {
 namespace {
@@ -56,6 +68,65 @@ TEST(SliceOf, CoversEachBatchOnce) {
   World crowd;
   crowd.size = 8;
   ExpectError<ConfigError>([&] { SliceOf(7, crowd); }, {"run.batch_size = 7", "8 processes"});
+}
+
+World At(const std::string& address) {
+  World world;
+  world.address = address;
+  world.port = 29500;
+  return world;
+}
+
+TEST(AddressTowards, IsTheOneThatTheOtherMachineReaches) {
+  EXPECT_EQ(AddressTowards(At("127.0.0.1")), "127.0.0.1");
+  // The whole network of a loopback device answers, and is reached from its first address.
+  EXPECT_EQ(AddressTowards(At("127.0.0.2")), "127.0.0.1");
+  // Broadcasts are not allowed, so that no way leads there.
+  ExpectError<IoError>([] { AddressTowards(At("255.255.255.255")); },
+                       {"no way", "255.255.255.255"});
+}
+
+// One that ends badly gives its status, and a signal to the one who waits is passed on.
+TEST(LaunchProcesses, WaitsForAllAndSaysHowTheyEnded) {
+  const TempFolder folder;
+  const std::string write =
+      "echo $RANK $LOCAL_RANK $WORLD_SIZE $VOLALIGN_STORE >" + folder.path().string();
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", write + "/$RANK"}), 0);
+  std::istringstream first(ReadFile(folder / "0")), second(ReadFile(folder / "1"));
+  std::string rank, local, size, store, other_store;
+  first >> rank >> local >> size >> store;
+  EXPECT_EQ(rank + local + size, "002");
+  second >> rank >> local >> size >> other_store;
+  EXPECT_EQ(rank + local + size, "112");
+  EXPECT_EQ(store, other_store);
+  const std::filesystem::path meeting = std::filesystem::path(store).parent_path();
+  EXPECT_TRUE(meeting.is_absolute());
+  EXPECT_FALSE(std::filesystem::exists(meeting)) << meeting;
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sh", "-c", "exit $((3 * RANK))"}), 3);
+  // Rank 1 is killed, and rank 0 gets the time of grace.
+  EXPECT_EQ(
+      LaunchProcesses(2, {"/bin/sh", "-c", "[ $RANK = 0 ] && exec sleep 60; kill -9 $$"}, 0.2),
+      128 + SIGKILL);
+  std::thread later([] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    ::kill(::getpid(), SIGTERM);
+  });
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(LaunchProcesses(2, {"/bin/sleep", "60"}), 128 + SIGTERM);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");  // nobody has failed
+  later.join();
+}
+
+TEST(LaunchProcesses, EndsWhereStatusesWouldBeLost) {
+  const auto before = ::signal(SIGCHLD, SIG_IGN);
+  EXPECT_EQ(LaunchProcesses(1, {"/bin/sh", "-c", "exit 0"}), 0);
+  EXPECT_EQ(LaunchProcesses(1, {"/bin/sh", "-c", "exit 3"}), 3);
+  ::signal(SIGCHLD, before);
+}
+
+TEST(OwnCommand, IsThisProgramsCommandLine) {
+  const std::vector<std::string> command = OwnCommand();
+  EXPECT_TRUE(Has(command.at(0), "train_distributed_tests")) << command[0];
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -11,6 +13,7 @@
 #include "core/base/file_util.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "train/log/run_folder.h"
 #include "train/log/run_log.h"
 #include "train/log/run_table.h"
 
@@ -18,6 +21,7 @@ namespace volalign::runs_test {
 namespace {
 
 using nlohmann::json;
+namespace fs = std::filesystem;
 
 /// A run folder with a validation at 10 and one at 20 samples, as a killed run leaves it.
 void WriteRun(const std::filesystem::path& dir, int seed, double lr, double miou) {
@@ -100,7 +104,7 @@ TEST(Runs, AreListedAndCompared) {
   EXPECT_FALSE(compared[1].contains("miou std"));
   const std::string csv = FormatTable(table, TableFormat::kCsv);
   EXPECT_EQ(csv.substr(0, 33), "run,optim.lr,runs,samples,miou,mi") << csv;
-  EXPECT_NE(csv.find("/a1,0.001,2,20,0.65,0.141421356"), std::string::npos) << csv;
+  EXPECT_TRUE(Has(csv, "/a1,0.001,2,20,0.65,0.141421356"));
 }
 
 TEST(Runs, ShowTheKeysThatTellMostApartOrThoseThatAreWanted) {
@@ -166,6 +170,36 @@ TEST(Runs, AreComparedByName) {
   EXPECT_EQ(table.columns.at(0).key, "run");
   EXPECT_EQ(std::get<std::string>(table.rows.at(0).at(0)), (folder / "m02").string());
   EXPECT_EQ(std::get<std::string>(table.rows.at(1).at(0)), (folder / "m03").string());
+}
+
+void Touch(const fs::path& path) { std::ofstream(path) << "x"; }
+
+TEST(RunFolder, KeepsTheNewestStates) {
+  const TempFolder folder;
+  const RunFolder run(folder / "a/b");
+  for (const int samples : {9, 1000, 20}) Touch(run.State(samples));
+  Touch(run.dir() / "states" / "notes.txt");
+  Touch(run.dir() / "states" / "12.pt");
+  EXPECT_EQ(run.States(), (std::vector<std::int64_t>{1000, 20, 9}));
+  run.KeepStates(2);
+  EXPECT_EQ(run.States(), (std::vector<std::int64_t>{1000, 20}));
+  EXPECT_TRUE(fs::exists(run.dir() / "states" / "notes.txt"));
+}
+
+TEST(RunFolder, BeginsAfterAStateWithoutWhatCameLaterOrWasNotFinished) {
+  const TempFolder folder;
+  const RunFolder run(folder / "run");
+  for (const int samples : {10, 20, 30}) Touch(run.State(samples));
+  const fs::path half_state = run.State(30).string() + ".tmp-1",
+                 half_model = run.model().string() + ".tmp-1";
+  for (const fs::path& path : {half_state, half_model, run.model(), run.dir() / "own.tmp-1"})
+    Touch(path);
+  run.BeginAfter(20);
+  EXPECT_EQ(run.States(), (std::vector<std::int64_t>{20, 10}));
+  EXPECT_FALSE(fs::exists(half_state));
+  EXPECT_FALSE(fs::exists(half_model));
+  EXPECT_TRUE(fs::exists(run.model()));
+  EXPECT_TRUE(fs::exists(run.dir() / "own.tmp-1"));  // nothing that a run writes
 }
 
 }  // namespace

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <cstring>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -9,7 +12,11 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "train/log/event_file.h"
+#include "train/log/metrics.h"
+#include "train/log/tensorboard_sink.h"
 
 namespace volalign::sinks_test {
 namespace {
@@ -103,7 +110,218 @@ TEST(ProgressSink, SaysHowFarTheRunIs) {
   const std::string text = testing::internal::GetCapturedStderr();
   for (const char* part :
        {"validation at 20:", " 30.0 %  60/200", "mIoU 0.750  7.0", "about 20 seconds left"})
-    EXPECT_NE(text.find(part), std::string::npos) << part << " is not in: " << text;
+    EXPECT_TRUE(Has(text, part));
+}
+
+std::string BytesIn(const std::filesystem::path& folder) {
+  std::string bytes;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    bytes += ReadFile(entry.path());
+  return bytes;
+}
+
+/// A value as summary.proto has it: field 1, the tag; field 2, a float.
+std::string Scalar(const std::string& tag, float value) {
+  std::string bytes = "\x0a" + std::string(1, static_cast<char>(tag.size())) + tag + "\x15";
+  bytes.resize(bytes.size() + sizeof(value));
+  std::memcpy(bytes.data() + bytes.size() - sizeof(value), &value, sizeof(value));
+  return bytes;
+}
+
+TEST(TensorBoardSink, WritesEachNumberUnderItsTag) {
+  const TempFolder folder;
+  TensorBoardSink sink(folder.path(), "optim:\n  lr: 1\n", 100);
+  TrainRow row;
+  row.samples = 300;
+  row.lr = 0.5;
+  row.samples_per_s = 7;
+  row.mean.loss = 1.5;
+  row.mean.terms["loss_seg"] = 2.5;
+  row.mean.terms["loss_3d"] = 3.5;
+  row.mean.gradient_norm = 4.5;
+  row.mean.times.forward = 5.5;
+  sink.Train(row);
+  ValidationRow validation;
+  validation.samples = 300;
+  validation.result.miou = 0.75;
+  validation.result.keypoint_rmse_m = 0.25;
+  sink.Validation(validation);
+  std::string bytes = BytesIn(folder.path());
+  for (const std::string& part :
+       {Scalar("train/loss", 1.5F), Scalar("train/loss_seg", 2.5F), Scalar("train/loss_3d", 3.5F),
+        Scalar("train/gradient_norm", 4.5F), Scalar("train/lr", 0.5F),
+        Scalar("speed/samples_per_s", 7), Scalar("speed/forward_s", 5.5F),
+        Scalar("validation/miou", 0.75F), std::string("    optim:\n      lr: 1\n")}) {
+    EXPECT_TRUE(Has(bytes, part));
+  }
+  EXPECT_FALSE(Has(bytes, "keypoint_rmse_m"));  // no sample has a pose
+  EXPECT_FALSE(Has(bytes, "predicted"));
+  validation.result.posed = 1;
+  validation.result.examples.push_back(
+      {DepthImage(4, 3, 1.0F), LabelImage(4, 3), LabelImage(4, 3)});
+  sink.Validation(validation);
+  bytes = BytesIn(folder.path());
+  EXPECT_TRUE(Has(bytes, Scalar("validation/keypoint_rmse_m", 0.25F),
+                  "validation/depth, labels, predicted"));
+}
+
+TEST(LabelPictures, HaveARowForEachExample) {
+  LabelImage labels(4, 3), predicted(4, 3);
+  labels(1, 2) = 5;
+  predicted(1, 2) = 7;
+  const RgbImage picture = LabelPictures({{DepthImage(4, 3), LabelImage(4, 3), LabelImage(4, 3)},
+                                          {DepthImage(4, 3, 1.0F), labels, predicted}});
+  ASSERT_EQ(picture.width(), 3 * 4 + 2 * 2);
+  ASSERT_EQ(picture.height(), 2 * 3 + 2);
+  const Rgb black;
+  // Of the second row: depth, labels, predicted labels; pixel (1, 2) of each.
+  const Rgb depth = picture(1, 7), label = picture(7, 7), other = picture(13, 7);
+  EXPECT_FALSE(depth == black);
+  EXPECT_FALSE(label == black);
+  EXPECT_FALSE(other == black);
+  EXPECT_FALSE(label == other);
+  EXPECT_EQ(picture(8, 7), black);
+  EXPECT_EQ(picture(1, 2), black);  // nothing was measured in the first row
+}
+
+TEST(Crc32c, HasTheKnownValues) {
+  // RFC 3720, appendix B.4.
+  EXPECT_EQ(Crc32c(std::string(32, '\0')), 0x8a9136aaU);
+  EXPECT_EQ(Crc32c(std::string(32, '\xff')), 0x62a8ab43U);
+  EXPECT_EQ(Crc32c("123456789"), 0xe3069283U);
+  EXPECT_EQ(Crc32c(""), 0U);
+}
+
+/// The events of a file, by their framing alone.
+std::vector<std::string> Records(const std::string& bytes) {
+  std::vector<std::string> records;
+  for (std::size_t at = 0; at < bytes.size();) {
+    std::uint64_t length = 0;
+    std::memcpy(&length, bytes.data() + at, 8);
+    EXPECT_LE(at + 16 + length, bytes.size());
+    records.push_back(bytes.substr(at + 12, length));
+    at += 16 + length;
+  }
+  return records;
+}
+
+TEST(EventFile, WritesTheBytesOfTheProtocol) {
+  const TempFolder folder;
+  EventFile file(folder.path());
+  file.Scalars(300, {{"a", 1.5}});
+  const std::vector<std::string> records = Records(ReadFile(file.path()));
+  ASSERT_EQ(records.size(), 2u);
+  // Field 1, a double (the time), then by hand: field 3, "brain.Event:2".
+  EXPECT_EQ(records[0].substr(9),
+            "\x1a\x0d"
+            "brain.Event:2");
+  // Field 2: varint 300 = ac 02. Field 5, 10 bytes: field 1, 8 bytes: field 1 "a", field 2 1.5f.
+  EXPECT_EQ(records[1].substr(9), std::string("\x10\xac\x02\x2a\x0a\x0a\x08\x0a\x01"
+                                              "a\x15\x00\x00\xc0\x3f",
+                                              15));
+}
+
+TEST(EventFile, LaterFilesSortAfterEarlierOnes) {
+  const TempFolder folder;
+  std::string before;
+  for (int i = 0; i < 12; ++i) {
+    const std::string name = EventFile(folder.path()).path().filename().string();
+    EXPECT_LT(before, name);
+    before = name;
+  }
+}
+
+TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
+  StepMeans means;
+  StepReport a, b;
+  a.loss = 1;
+  a.terms["loss_seg"] = 0.5;
+  a.terms["loss_3d"] = 5;
+  a.degenerate = 1;
+  a.gradient_norm = 10;
+  a.times = {1, 2, 3, 4, 5};
+  b.loss = 3;
+  b.terms["loss_seg"] = 1.5;
+  b.terms["loss_3d"] = 7;
+  b.degenerate = 2;
+  b.gradient_norm = 30;
+  b.times = {2, 3, 4, 5, 1};
+  means.Add(a, 4);
+  means.Add(b, 8);
+  const TrainRow row = means.Take(20, 300, 0.01);
+  EXPECT_EQ(row.step, 20);
+  EXPECT_EQ(row.samples, 300);
+  EXPECT_EQ(row.lr, 0.01);
+  EXPECT_NEAR(row.samples_per_s, 12.0 / 30, 1e-12);  // in 15 s and 15 s
+  EXPECT_EQ(row.mean.loss, 2);
+  EXPECT_EQ(row.mean.terms.at("loss_seg"), 1);
+  EXPECT_EQ(row.mean.terms.at("loss_3d"), 6);
+  EXPECT_EQ(row.mean.degenerate, 3);  // a sum
+  EXPECT_EQ(row.mean.gradient_norm, 20);
+  EXPECT_EQ(row.mean.times.data, 1.5);
+  EXPECT_EQ(row.mean.times.forward, 2.5);
+  EXPECT_EQ(row.mean.times.loss, 3.5);
+  EXPECT_EQ(row.mean.times.backward, 4.5);
+  EXPECT_EQ(row.mean.times.optim, 3);
+  // The next row begins anew.
+  means.Add(b, 8);
+  EXPECT_EQ(means.Take(21, 308, 0.01).mean.loss, 3);
+  // Steps that were skipped have times alone.
+  StepReport skipped;
+  skipped.skipped = 1;
+  skipped.times = {1, 1, 1, 1, 1};
+  means.Add(b, 8);
+  means.Add(skipped, 4);
+  const TrainRow with = means.Take(23, 320, 0.01);
+  EXPECT_EQ(with.mean.steps, 2);
+  EXPECT_EQ(with.mean.skipped, 1);
+  EXPECT_EQ(with.mean.loss, 3);
+  EXPECT_EQ(with.mean.times.data, 1.5);
+  EXPECT_NEAR(with.samples_per_s, 12.0 / 20, 1e-12);
+}
+
+TEST(StepTimes, AreSharedOutAsMeasured) {
+  // Ten steps, of which one was measured in 2 s without the data.
+  const StepTimes all = ShareOut({5, 0, 0, 0, 10}, {9, 0.4, 0.4, 1.0, 0.2});
+  EXPECT_EQ(all.data, 5);
+  EXPECT_NEAR(all.forward, 2, 1e-12);
+  EXPECT_NEAR(all.loss, 2, 1e-12);
+  EXPECT_NEAR(all.backward, 5, 1e-12);
+  EXPECT_NEAR(all.optim, 1, 1e-12);
+  EXPECT_NEAR(Total(all), 15, 1e-12);
+}
+
+TEST(BestValidation, IsThatOfTheLargestMiou) {
+  BestValidation best;
+  const auto note = [&](double miou, std::int64_t at_samples) {
+    ValidationResult result;
+    result.miou = miou;
+    return best.Note(result, at_samples);
+  };
+  EXPECT_FALSE(note(std::numeric_limits<double>::infinity(), 5));  // no value
+  EXPECT_EQ(best.samples, -1);
+  EXPECT_TRUE(note(0.5, 10));
+  EXPECT_FALSE(note(0.5, 20));  // the earlier of equal ones stays
+  EXPECT_FALSE(note(0.4, 30));
+  EXPECT_EQ(best.samples, 10);
+  EXPECT_TRUE(note(0.6, 40));
+  EXPECT_EQ(best.value, 0.6);
+}
+
+// By its few lucky poses an early validation must not stay the best.
+TEST(BestValidation, DoesNotGoByThePosesOfFewSamples) {
+  BestValidation best;
+  ValidationResult lucky, good;
+  lucky.samples = good.samples = 192;
+  lucky.posed = 2;
+  lucky.miou = 0.1;
+  lucky.median_translation_error_m = 0.01;
+  good.posed = 180;
+  good.miou = 0.6;
+  good.median_translation_error_m = 0.03;
+  EXPECT_TRUE(best.Note(lucky, 10));
+  EXPECT_TRUE(best.Note(good, 20));
+  EXPECT_EQ(best.samples, 20);
 }
 
 }  // namespace

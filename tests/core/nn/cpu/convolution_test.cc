@@ -18,10 +18,9 @@ at::Tensor Reference(const at::Tensor& x, const at::Tensor& weight, std::int64_t
   const std::int64_t height = padded.size(2) - kernel + 1, width = padded.size(3) - kernel + 1;
   at::Tensor sum = bias.view({1, -1, 1, 1});
   for (std::int64_t v = 0; v < kernel; ++v) {
-    for (std::int64_t u = 0; u < kernel; ++u) {
+    for (std::int64_t u = 0; u < kernel; ++u)
       sum = sum + at::einsum("bihw,oi->bohw", {padded.narrow(2, v, height).narrow(3, u, width),
                                                weight.select(3, u).select(2, v)});
-    }
   }
   return sum;
 }
@@ -66,10 +65,9 @@ TEST(Convolve, HasTheGradientsInBfloat16) {
       };
       const std::vector<at::Tensor> ours = gradients(at::kBFloat16);
       const std::vector<at::Tensor> expected = gradients(at::kFloat);
-      for (std::size_t i = 0; i < ours.size(); ++i) {
+      for (std::size_t i = 0; i < ours.size(); ++i)
         EXPECT_LT(((ours[i] - expected[i]).norm() / expected[i].norm()).item<double>(), 0.01)
             << channels << " channels, " << height << "x" << width << ", gradient " << i;
-      }
     }
   }
 }

@@ -17,6 +17,7 @@
 #include "infer/evaluate/suite/write_suite.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -91,7 +92,7 @@ TEST_F(ToySuite, RunsResumesAndWritesItsTables) {
   lines_.clear();
   const std::vector<CaptureScores> again = RunSuite(suite, run_);
   EXPECT_EQ(FormatScores(again), FormatScores(scores));
-  for (const std::string& line : lines_) EXPECT_NE(line.find("done before"), std::string::npos);
+  for (const std::string& line : lines_) EXPECT_TRUE(Has(line, "done before"));
   // What was lost is computed again, and by another program everything is.
   fs::remove(run_.output / "captures/toy/toy_turn_2.markers.json");
   lines_.clear();
@@ -100,7 +101,7 @@ TEST_F(ToySuite, RunsResumesAndWritesItsTables) {
             lines_[1].find("done before") == std::string::npos);
 
   const std::string text = WriteSuite(run_.output, suite, scores);
-  EXPECT_NE(text.find("| missing (no model yet) | - | - |"), std::string::npos) << text;
+  EXPECT_TRUE(Has(text, "| missing (no model yet) | - | - |"));
   for (const char* file :
        {"toy_table.md", "toy_table.csv", "toy_table.json", "suite.md", "suite.json"}) {
     EXPECT_TRUE(fs::exists(run_.output / file)) << file;
@@ -125,15 +126,8 @@ TEST_F(ToySuite, SaysWhatIsWrong) {
   expect("name: markers", "name: net", {"net stands twice"});
 }
 
-}  // namespace
-}  // namespace volalign::run_suite_test
-
-namespace volalign::scores_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
+using namespace testing_infer;
+using testing_infer::Rig;
 
 constexpr int kMinPixels = 5;
 constexpr double kOff = 0.05;  // m
@@ -143,9 +137,8 @@ constexpr double kOff = 0.05;  // m
 class Scores : public testing::Test {
  protected:
   Scores() {
-    testing_infer::Rig rig{PaperStructure(), {}, {}};
-    for (const double phi : {20.0, 140.0})
-      rig.Add("S" + std::to_string(rig.frames.size()), RingPose(phi), {}, Kinect().Resized(80, 72));
+    Rig rig{PaperStructure(), {}, {}};
+    for (const double phi : {20.0, 140.0}) rig.Add(RingPose(phi), {}, Kinect().Resized(80, 72));
     still_.still.structure = rig.structure;
     still_.still.frames = rig.frames;
     still_.still.labels = rig.labels;
@@ -237,12 +230,6 @@ TEST_F(Scores, ComeBackFromTheirFile) {
   EXPECT_THROW(ReadScores(folder.Write("other.json", "{}")), DataError);
 }
 
-}  // namespace
-}  // namespace volalign::scores_test
-
-namespace volalign::table_data_test {
-namespace {
-
 CaptureScores Capture(const std::string& set_up, const std::string& method, double d1,
                       const std::vector<double>& miou) {
   CaptureScores capture;
@@ -290,14 +277,14 @@ SuiteConfig Suite() {
   return suite;
 }
 
-std::vector<CaptureScores> Scores() {
+std::vector<CaptureScores> SomeScores() {
   return {Capture("near", "a", 0.02, {0.5, 0.7}), Capture("far", "a", 0.04, {0.9}),
           Capture("far", "b", 0.06, {0.8})};
 }
 
 TEST(TableData, CellsAreThoseOfTheirCapturesAndViews) {
   const SuiteConfig suite = Suite();
-  const TableData data = MakeTable(suite, suite.tables[0], Scores());
+  const TableData data = MakeTable(suite, suite.tables[0], SomeScores());
   ASSERT_EQ(data.rows.size(), 4u);
   const TableRowData& a = data.rows[1];
   EXPECT_EQ(a.cells[0].values, (std::vector<double>{0.02, 0.04}));
@@ -322,26 +309,17 @@ TEST(TableData, CellsAreThoseOfTheirCapturesAndViews) {
 
 TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
   const SuiteConfig suite = Suite();
-  const TableData data = MakeTable(suite, suite.tables[0], Scores());
+  const TableData data = MakeTable(suite, suite.tables[0], SomeScores());
   const std::string markdown = FormatMarkdown(data);
   EXPECT_LT(markdown.find("| first_row |"), markdown.find("| second |"));
-  EXPECT_NE(markdown.find("| second | 0.0300 (1%) | 0.0100 (2) | 33.33% (3) | +0.00% (4) | 0.0100 |"
-                          " 70.00% (5) | 16.33% (6) | 23.3% (7) | -12.50% (8) | 100.00% |"),
-            std::string::npos)
-      << markdown;
-  EXPECT_NE(markdown.find("none (no model yet)"), std::string::npos);
+  EXPECT_TRUE(Has(markdown,
+                  "| second | 0.0300 (1%) | 0.0100 (2) | 33.33% (3) | +0.00% (4) | 0.0100 |"
+                  " 70.00% (5) | 16.33% (6) | 23.3% (7) | -12.50% (8) | 100.00% |",
+                  "none (no model yet)"));
   const std::string csv = FormatCsv(data);
-  EXPECT_NE(csv.find("\n\"second\",a,initial,\"RMS\",d1,2,0.03,0.01,"), std::string::npos) << csv;
-  EXPECT_NE(FormatTableJson(data).find("\"to_best\""), std::string::npos);
+  EXPECT_TRUE(Has(csv, "\n\"second\",a,initial,\"RMS\",d1,2,0.03,0.01,"));
+  EXPECT_TRUE(Has(FormatTableJson(data), "\"to_best\""));
 }
-
-}  // namespace
-}  // namespace volalign::table_data_test
-
-namespace volalign::figures_test {
-namespace {
-
-using testing_infer::PaperStructure;
 
 /// Counts of pixels that are more blue than red, and more red than blue, in a part of the columns.
 struct Counts {
@@ -349,12 +327,10 @@ struct Counts {
 };
 Counts Count(const RgbImage& picture, int first, int end) {
   Counts counts;
-  for (int v = 0; v < picture.height(); ++v) {
-    for (int u = first; u < end; ++u) {
-      const Rgb colour = picture(u, v);
-      if (colour.b > colour.r) ++counts.blue;
-      if (colour.r > colour.b) ++counts.red;
-    }
+  for (const auto [u, v] : Pixels({first, 0}, {end, picture.height()})) {
+    const Rgb colour = picture(u, v);
+    if (colour.b > colour.r) ++counts.blue;
+    if (colour.r > colour.b) ++counts.red;
   }
   return counts;
 }
@@ -393,12 +369,10 @@ TEST(Figures, AttentionIsVioletAtZeroAndYellowAtOne) {
 
 TEST(Figures, CloudsHaveTheLabelledPixels) {
   const Structure structure = PaperStructure();
-  const Pose pose = testing_infer::RingPose(20);
-  const testing_infer::SyntheticView seen =
-      testing_infer::Render(structure, testing_infer::Kinect(), pose);
+  const Pose pose = RingPose(20);
+  const SyntheticView seen = Render(structure, Kinect(), pose);
   ErrorCloud cloud;
-  AddToCloud(MakeSensorView(seen.depth, testing_infer::Kinect()), seen.labels, structure, pose,
-             &cloud);
+  AddToCloud(MakeSensorView(seen.depth, Kinect()), seen.labels, structure, pose, &cloud);
   std::size_t labelled = 0;
   for (const std::uint8_t label : seen.labels) labelled += label > 0 ? 1 : 0;
   ASSERT_EQ(cloud.points.size(), labelled);
@@ -406,4 +380,4 @@ TEST(Figures, CloudsHaveTheLabelledPixels) {
 }
 
 }  // namespace
-}  // namespace volalign::figures_test
+}  // namespace volalign::run_suite_test

@@ -22,6 +22,9 @@
 namespace volalign::suite_config_test {
 namespace {
 
+using namespace testing_infer;
+using testing_infer::Rig;
+
 template <class T>
 std::string NamesOf(const std::vector<T>& items) {
   std::string names;
@@ -112,12 +115,6 @@ TEST(PaperSuite, IsThePapers) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::suite_config_test
-
-namespace volalign::suite_items_test {
-namespace {
-
 class SuiteItemsTest : public testing::Test {
  protected:
   SuiteItemsTest() {
@@ -138,7 +135,7 @@ class SuiteItemsTest : public testing::Test {
   }
 
   TempFolder folder_;
-  Structure structure_ = testing_infer::PaperStructure();
+  Structure structure_ = PaperStructure();
   SuiteDataset dataset_;
 };
 
@@ -176,12 +173,6 @@ TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
   const SuiteStill third = LoadSuiteStill(items[2], SuiteConfig(), renderer);
   EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
 }
-
-}  // namespace
-}  // namespace volalign::suite_items_test
-
-namespace volalign::method_set_test {
-namespace {
 
 /// A network's, of which the file alone counts, markers, and one whose model is missing.
 class Methods : public testing::Test {
@@ -271,17 +262,11 @@ TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
   expect(true, false);
 }
 
-}  // namespace
-}  // namespace volalign::method_set_test
-
-namespace volalign::methods_test {
-namespace {
-
 TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
   SuiteStill still;
   DepthImage depth(4, 3, 2.0F);
   depth(1, 1) = 0;
-  still.views = {MakeSensorView(depth, testing_infer::Kinect().Resized(4, 3))};
+  still.views = {MakeSensorView(depth, Kinect().Resized(4, 3))};
   MethodResult result;
   result.initial = {Pose::Identity()};
   result.statistical = FramePoses{Pose(Eigen::Translation3d(1, 0, 0))};
@@ -308,7 +293,7 @@ TEST(Stages, AreThoseThatTheMethodHas) {
 
 TEST(RunMethod, MarkersWantInfraredPictures) {
   SuiteStill still;
-  still.views = {MakeSensorView(DepthImage(4, 3, 2.0F), testing_infer::Kinect().Resized(4, 3))};
+  still.views = {MakeSensorView(DepthImage(4, 3, 2.0F), Kinect().Resized(4, 3))};
   SuiteMethod markers;
   markers.kind = MethodKind::kMarkers;
   ExpectError<Error>([&] { RunMethod(markers, still, nullptr, SuiteConfig(), 1); }, {"infrared"});
@@ -317,8 +302,8 @@ TEST(RunMethod, MarkersWantInfraredPictures) {
 // The paper's poses, from the labels that it is given, are some centimetres off, since centroids of
 // what is seen are not the sides' centres.
 TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
-  const testing_infer::Rig rig = testing_infer::ThreeSensors();
-  testing_infer::StoredSegmenter segmenter = rig.PerfectSegmenter();
+  const Rig rig = ThreeSensors();
+  StoredSegmenter segmenter = rig.PerfectSegmenter();
   SuiteStill still;
   still.still.structure = rig.structure;
   still.still.frames = rig.frames;
@@ -337,4 +322,4 @@ TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
 }
 
 }  // namespace
-}  // namespace volalign::methods_test
+}  // namespace volalign::suite_config_test

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
-#include <cmath>
 #include <string>
 #include <vector>
 
@@ -11,12 +10,13 @@
 #include "infer/report/html_report/encode.h"
 #include "infer/report/html_report/payload.h"
 #include "infer/report/html_report/rig_views.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::page_test {
 namespace {
 
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 /// What stands between the script element's tags.
 std::string PayloadText(const std::string& page) {
@@ -31,19 +31,19 @@ TEST(ReportPage, CarriesThePayloadWhateverItSays) {
       {"number", 1.5}};
   const std::string page = ReportPage(payload);
   EXPECT_EQ(nlohmann::ordered_json::parse(PayloadText(page)), payload);
-  EXPECT_EQ(page.find("alert(1)</script>"), std::string::npos);
+  EXPECT_FALSE(Has(page, "alert(1)</script>"));
 }
 
 TEST(ReportPage, NeedsNothingElse) {
   const std::string page = ReportPage({{"a", 1}});
   for (const char* mark : {"{{style}}", "{{three}}", "{{payload}}", "{{scripts}}"})
-    EXPECT_EQ(page.find(mark), std::string::npos) << mark;
-  EXPECT_NE(page.find("default-src 'none'"), std::string::npos);
-  EXPECT_EQ(page.find("<link rel=\"stylesheet\""), std::string::npos);
-  EXPECT_EQ(page.find("src=\""), std::string::npos);
+    EXPECT_FALSE(Has(page, mark));
+  EXPECT_TRUE(Has(page, "default-src 'none'"));
+  EXPECT_FALSE(Has(page, "<link rel=\"stylesheet\""));
+  EXPECT_FALSE(Has(page, "src=\""));
   // three.js, its controls, and its licence.
   for (const char* part : {"REVISION", "OrbitControls", "Permission is hereby granted"})
-    EXPECT_NE(page.find(part), std::string::npos) << part;
+    EXPECT_TRUE(Has(page, part));
 }
 
 TEST(ReportPayload, HasTheStructureAsItIs) {
@@ -74,12 +74,6 @@ TEST(ReportPayload, HasTheStructureAsItIs) {
   }
   EXPECT_EQ(payload["extrinsics"]["format"], "volalign.extrinsics/1");
 }
-
-}  // namespace
-}  // namespace volalign::page_test
-
-namespace volalign::encode_test {
-namespace {
 
 TEST(EncodeCloud, HoldsHalfMillimetresLittleEndian) {
   AlignedPoint point;
@@ -118,16 +112,6 @@ TEST(ThinCloud, PrefersLabelledPointsAndTakesEvenly) {
   EXPECT_EQ(labelled(ThinCloud(points, 1000)), 900);
 }
 
-}  // namespace
-}  // namespace volalign::encode_test
-
-namespace volalign::rig_views_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
-
 FrameResult Seen(const std::string& name, const Structure& structure, const Pose& pose) {
   FrameResult sensor;
   sensor.name = name;
@@ -135,14 +119,9 @@ FrameResult Seen(const std::string& name, const Structure& structure, const Pose
   sensor.intrinsics = Kinect();
   sensor.structure_from_sensor = pose;
   sensor.covariance = 1e-5 * Matrix6d::Identity();
-  const testing_infer::SyntheticView frame =
-      testing_infer::Render(structure, Kinect(), pose, {false, 0});
+  const SyntheticView frame = Render(structure, Kinect(), pose, {false, 0});
   sensor.view = MakeSensorView(frame.depth, Kinect());
   return sensor;
-}
-
-bool Has(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 TEST(PlacedFromAbove, SaysDistanceAndHeightOfEachPlacedSensor) {
@@ -152,10 +131,10 @@ TEST(PlacedFromAbove, SaysDistanceAndHeightOfEachPlacedSensor) {
   FrameResult failed;
   failed.name = "S2";
   const std::string svg = PlacedFromAbove({Seen("S1", structure, pose), failed}, structure);
-  EXPECT_TRUE(Has(svg, "2.50 m, 1.25 m high")) << svg;
-  EXPECT_TRUE(Has(svg, "at 90° from x towards z")) << svg;
-  EXPECT_TRUE(Has(svg, "known to")) << svg;
-  EXPECT_TRUE(Has(svg, "ellipses: 2 standard deviations")) << svg;
+  EXPECT_TRUE(Has(svg, "2.50 m, 1.25 m high"));
+  EXPECT_TRUE(Has(svg, "at 90° from x towards z"));
+  EXPECT_TRUE(Has(svg, "known to"));
+  EXPECT_TRUE(Has(svg, "ellipses: 2 standard deviations"));
   EXPECT_FALSE(Has(svg, "S2")) << "it has no pose";
 }
 
@@ -189,4 +168,4 @@ TEST(AlternativeJson, ShowsTheSensorsThatStandElsewhere) {
 }
 
 }  // namespace
-}  // namespace volalign::rig_views_test
+}  // namespace volalign::page_test
