@@ -20,7 +20,7 @@ namespace {
 
 using namespace testing_infer;
 
-Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
+volalign::Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
 
 /// Of the paper's stack: S1 sees it whole, S2 a part of it from near, S3 nothing.
 constexpr char kRig[] = R"(
@@ -70,7 +70,7 @@ TEST(PlanRig, SaysWhatEachSensorSees) {
 }
 
 TEST(PlanRig, ExpectsErrorsAsLargeAsThoseItMakes) {
-  Rig rig = Parse(R"(
+  volalign::Rig rig = Parse(R"(
 sensors:
   - {name: S1, sensor: azure_kinect_nfov_binned, rho_cm: 200, phi_deg: 20, height_cm: 110}
   - {name: S2, sensor: realsense_d415, rho_cm: 200, phi_deg: 110, height_cm: 110}
