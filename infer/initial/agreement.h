@@ -8,18 +8,18 @@
 
 namespace volalign {
 
-/// How well a pose explains what a sensor measured: pixel counts of the structure as it would be
-/// seen from there (core/geometry/visibility.h, CastView) against the measured depth and the
-/// predicted labels.
+/// How well a pose explains a frame. The counts compare the structure as seen from the pose
+/// (core/geometry/visibility.h, CastView) with the measured depths and the predicted labels, pixel
+/// by pixel.
 struct Agreement {
   int visible = 0;     ///< pixels with depth where the structure would be seen
-  int explained = 0;   ///< of those: measured depth on the structure's surface
+  int explained = 0;   ///< visible pixels whose measured point lies on the structure's surface
   int same_label = 0;  ///< explained pixels whose label is the predicted one
   int either = 0;      ///< pixels with a side label, as predicted or as seen from the pose
   double miou = 0;     ///< mean IoU over classes (core/geometry/metrics.h) of these labels
 
   double explained_share() const { return Ratio(explained, visible); }
-  /// Intersection over union of "side k, at the right depth"; 1 for a perfect pose and perfect
+  /// Intersection over union of "side k, at the right depth": 1 for a perfect pose and perfect
   /// labels.
   double score() const { return Ratio(same_label, either); }
 
@@ -27,15 +27,15 @@ struct Agreement {
   static double Ratio(int a, int b) { return b > 0 ? static_cast<double>(a) / b : 0.0; }
 };
 
-/// `tolerance`: within which depths agree.
+/// `tolerance`: largest distance from the surface at which a point counts as explained.
 Agreement CompareWithView(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const Pose& structure_from_sensor,
                           double min_confidence, const SurfaceTolerance& tolerance);
 
-/// Labels as seen from a pose: each pixel whose measured point lies within `tolerance` of the
-/// side that the structure would show there gets that side's label, with confidence 1; all others
-/// get 0. If the pose is right to a pixel or two, these labels are complete and end where the
-/// surfaces do; those of a network are not and do not.
+/// Labels as seen from a pose. A pixel gets the label of the side that the structure shows there,
+/// with confidence 1, if its point lies within `tolerance` of that side. All others get 0. If the
+/// pose is right to a pixel or two, these labels are complete and end where the surfaces do. A
+/// network's labels are not and do not.
 SegmentationResult LabelsFromPose(const SensorView& view, const Structure& structure,
                                   const Pose& structure_from_sensor,
                                   const SurfaceTolerance& tolerance);

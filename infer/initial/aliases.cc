@@ -17,13 +17,13 @@ namespace volalign {
 
 namespace {
 
-/// Motions by translations that differ by less are the same one, m.
+/// m: motions whose translations differ by less are one motion.
 constexpr double kSameMotion = 2 * kSamePlace;
 /// Cosine of the angle between two verticals below which a motion is called upside down.
 constexpr double kUpsideDown = -0.5;
-/// deg: a motion by less is called no turn.
+/// deg: a smaller turn is called no turn.
 constexpr double kTurned = 5;
-/// Cosine of the angle between axes that are the same, and how many sets of them count.
+/// Cosine of the angle within which axes are the same; the most sets of axes that are tried.
 const double kAligned = std::cos(kTurned * kDegree);
 constexpr std::size_t kMostAxes = kBeam / 2;
 /// Far above rounding errors of coordinates, far below tolerances, m.
@@ -54,9 +54,8 @@ std::vector<Eigen::Matrix3d> AxisTurns() {
   return turns;
 }
 
-/// The turns that take the axes of one box to those of another. A box within kTurned of the
-/// structure's axes counts as parallel to them. Only the kMostAxes sets of axes that most boxes
-/// share are tried.
+/// The turns that take one box's axes to another's. A box within kTurned of the structure's axes
+/// counts as parallel to them. Only the kMostAxes sets of axes that most boxes share are tried.
 std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
   std::vector<std::pair<Eigen::Matrix3d, int>> axes{{Eigen::Matrix3d::Identity(), 0}};
   for (const Box& box : boxes) {
@@ -87,7 +86,7 @@ std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
   return turns;
 }
 
-/// Points on a grid whose cells are as large as the distance within which they are looked for.
+/// Points on a grid whose cells are as large as the distance of the search.
 class PointGrid {
  public:
   explicit PointGrid(double distance) : distance_(distance) {}
@@ -156,9 +155,9 @@ struct Fit {
   std::size_t from = 0, to = 0;
 };
 
-/// For one turn: all pairs of boxes of which the first comes to lie on the second, by translation.
-/// An alias needs a fit for each box that it moves onto a box, and of most translations there are
-/// too few, so that only the others are looked at box by box.
+/// For one turn: all pairs of boxes of which the first comes to lie on the second by a translation.
+/// A symmetry needs a fit for each box that it moves onto a box. Most translations have too few;
+/// only the others are examined box by box.
 class Fits {
  public:
   Fits(const std::vector<Corners>& corners, const Eigen::Matrix3d& turn)

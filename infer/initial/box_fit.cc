@@ -11,13 +11,13 @@ namespace {
 
 /// Cosine of the angle between a point's normal and that of a side that it may lie on (50 deg).
 constexpr double kNearlyFacesAlike = 0.64;
-/// The scale of the Cauchy weights, as a part of the reach.
+/// Scale of the Cauchy weights, as a share of the reach.
 constexpr double kScale = 0.4;
 /// Weight of a floor point; a point that lies beside its side counts this much along the side.
 constexpr double kFloorWeight = 0.5, kBesideWeight = 0.5;
 /// m: floor points farther from the structure's middle than its radius and this have no part.
 constexpr double kFloorReach = 1.0;
-/// Holds directions that nothing else does: in points, of 1 m and 1 rad.
+/// Fixes directions that nothing else fixes: in points, at 1 m and 1 rad.
 constexpr double kPrior = 0.01;
 /// The steps end when one is shorter than this, m and rad.
 constexpr double kConverged = kDepthStep;
@@ -35,7 +35,6 @@ struct NormalEquations {
   }
 };
 
-/// The structure as the fit wants it.
 struct Target {
   std::vector<const Side*> sides;  // that can be seen
   Eigen::Vector3d middle;
@@ -59,8 +58,8 @@ Target MakeTarget(const Structure& structure) {
   return target;
 }
 
-/// The nearest point of the structure that faces as the point does; the point itself where there
-/// is none within reach.
+/// The nearest side within `reach` that faces as the point does; null where there is none. `gap`:
+/// from the point to it.
 const Side* NearestSide(const Target& target, const Eigen::Vector3d& p,
                         const Eigen::Vector3d& normal, double reach, Eigen::Vector3d* gap) {
   const Side* nearest = nullptr;
@@ -98,7 +97,7 @@ void AddPoint(const Target& target, const OrientedPoint& point, const Pose& pose
   }
 }
 
-/// The points near the structure, every so many of them that not too many are left.
+/// The points near the structure, thinned out to about fit.points.
 std::vector<const OrientedPoint*> Near(const std::vector<OrientedPoint>& points,
                                        const Target& target, const BoxFit& fit, const Pose& pose) {
   const Eigen::Vector3d middle = pose.inverse() * target.middle;

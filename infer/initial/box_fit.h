@@ -12,17 +12,16 @@ namespace volalign {
 /// Steps that bring points onto boxes, without labels.
 struct BoxFit {
   int steps = 2 * kRounds;
-  std::size_t points = kManyProbes;  ///< at most, of those near the structure
-  double first_reach =
-      kFarthestOff;  ///< m: points farther from the structure have no part in the first step
+  std::size_t points = kManyProbes;    ///< most points near the structure that are used
+  double first_reach = kFarthestOff;   ///< m: farthest points in the first step
   double last_reach = 2 * kSamePlace;  ///< m: and in the last one
-  /// Points of the floor beside the structure count, too: for the first steps, when few sides may
-  /// have been brought onto their points.
+  /// Points of the floor beside the structure count too. The first steps need them, because few
+  /// sides may lie near their points.
   bool floor = false;
 };
 
-/// Robust Gauss-Newton steps: each point is drawn to the nearest of the finite sides that face as
-/// it does; where it lies beyond the side's border, towards the border.
+/// Robust Gauss-Newton steps. Each point is drawn to the nearest finite side that faces as it does.
+/// A point that lies beyond the side's border is drawn towards the border.
 Pose FitToBoxes(const std::vector<OrientedPoint>& points, const Structure& structure,
                 const BoxFit& fit, Pose structure_from_sensor);
 

@@ -17,24 +17,24 @@ namespace volalign {
 
 namespace {
 
-/// Distance within which a point lies on the floor: depth errors grow with distance, and a pose
-/// that is off by a degree tilts a far floor. In m, and per metre of depth.
+/// Distance within which a point lies on the floor, in m and per metre of depth. Depth errors grow
+/// with distance, and a pose that is off by a degree tilts a far floor.
 constexpr double kTolerance = kRoughPose, kRelativeTolerance = 0.02;
-/// m: a floor that is less far under the structure is no floor that a table stands on.
+/// m: a floor less far under the structure carries no table.
 constexpr double kLeastTable = 0.3;
-/// m: the cells of height in which such a floor is looked for.
+/// m: height of the cells in which that floor is searched for.
 constexpr double kLevelCell = 2 * kSamePlace;
 
 /// A point clearly under the structure's foot.
 struct LowPoint {
-  double depth = 0;      // m, under the foot
-  double clearly = 0;    // m, by which a point has to be lower than another to be clearly under it
-  bool passing = false;  // see FloorFit
-  bool on_a_floor = false;  // faces up, as far under the foot as a floor that a table stands on
+  double depth = 0;         // m, under the foot
+  double clearly = 0;       // m: how much lower than a level is clearly under it
+  bool passing = false;     // see FloorFit
+  bool on_a_floor = false;  // faces up, at least kLeastTable under the foot
 };
 
-/// How far under the foot most of the surface is that faces up, m: the floor that a table may stand
-/// on. 0 where there is too little.
+/// How far under the foot most of the surface that faces up lies, m: the floor that a table may
+/// stand on. 0 where there is too little.
 double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
   std::map<int, int> cells;
   for (const LowPoint& point : points) {
@@ -80,7 +80,7 @@ class Foot {
   Eigen::AlignedBox3d bounds_;
 };
 
-// Of recorded frames, by tests/bench/cause_shares.py: the share of a view that lies on the floor.
+// The share of a view that lies on the floor, in recorded frames, by tests/bench/cause_shares.py.
 constexpr ShareOdds kOnFloor{{9.3, 15.7}, {0.114, 26}};
 
 }  // namespace

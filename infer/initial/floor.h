@@ -11,37 +11,34 @@
 
 namespace volalign {
 
-/// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside down
-/// (the paper's is unchanged, to 5 mm, by half a turn about a horizontal diagonal), so its labels
-/// and depths alone do not tell up from down. What lies around it does. A floor is level: at a pose
-/// that is off by a box, an upright side of the structure itself may reach down to where the floor
-/// would be.
+/// Does the structure stand on a floor at this pose? A stack of boxes can look the same upside
+/// down. The paper's stack is unchanged, to 5 mm, by half a turn about a horizontal diagonal. Its
+/// labels and depths alone then do not tell up from down, but its surroundings do. A floor has to
+/// be level: at a pose that is off by a box, an upright side may reach down to the floor's place.
 ///
-/// The structure may stand on a table. What is seen between its foot and a level surface far under
-/// it speaks against nothing then, and neither does what is seen past a level surface that lies
-/// beside its foot.
+/// The structure may stand on a table. Points between its foot and a level surface far below then
+/// say nothing, and neither do points seen past a level surface beside its foot.
 struct FloorFit {
-  int pixels = 0;    ///< with depth, of those that a picture of kCoarseRays has
-  int on_floor = 0;  ///< of those: level, on the plane that the structure stands on, off the
-                     ///< structure
-  /// Of those: clearly under that plane, or under the floor that a table may stand on, where no
-  /// true pose has any.
+  int pixels = 0;    ///< pixels with depth, among about kCoarseRays
+  int on_floor = 0;  ///< level pixels off the structure, on the plane of its foot
+  /// Pixels clearly under that plane, or under the floor that a table may stand on. A true pose has
+  /// none.
   int below = 0;
-  /// Of those on the plane, what lies beside the structure's foot; of those below, those whose rays
-  /// pass the plane there or under the structure.
+  /// `beside`: of on_floor, those near the foot. `passing`: of below, those whose rays pass the
+  /// plane near or under the structure.
   int beside = 0, passing = 0;
-  double cells = 0;  ///< independent cells of the pixels with depth
-  /// Is a level surface seen beside the foot, that of a floor or of a table?
+  double cells = 0;  ///< independent cells among these pixels
+  /// Is a level surface, of a floor or a table, seen beside the foot?
   bool HasSupport() const { return beside > kLeastShown * (beside + passing); }
   int balance() const {
     const int of_all = on_floor - 2 * below;
     return HasSupport() ? std::max(of_all, beside) : of_all;
   }
-  /// Does the structure stand on that floor? Natural logarithm of the odds, by how much of the view
-  /// lies on it, and by what lies under it. 0 where no pixel has depth.
+  /// Natural logarithm of the odds that the structure stands on that floor, by the shares of the
+  /// view that lie on it and under it. 0 where no pixel has depth.
   double LogOdds() const;
-  /// Is so much clearly under the foot, and beside the foot nothing that would carry it, that the
-  /// structure cannot stand there? By odds of kDecisiveOdds.
+  /// Can the structure not stand there, by odds of kDecisiveOdds? Much is then seen clearly under
+  /// its foot, and nothing beside its foot would carry it.
   bool Floats() const;
 
  private:
@@ -49,13 +46,13 @@ struct FloorFit {
 };
 FloorFit FindFloor(const SensorView& view, const Structure& structure,
                    const Pose& structure_from_sensor);
-/// Of poses that compete: what lies on the structure at any of them is no floor, since one that is
-/// off by a box may have a level side of it where the floor would be.
+/// The same of competing poses. A point that lies on the structure at any of them is no floor. A
+/// pose that is off by a box may have a level side at the floor's place.
 std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& structure,
                                  const std::vector<Pose>& poses);
 
-/// By how much the floor speaks for a pose rather than for any alias of it: the least difference of
-/// FloorFit::LogOdds; infinity without aliases.
+/// How much the floor speaks for a pose rather than for any symmetry of it: the least difference of
+/// FloorFit::LogOdds; infinity without symmetries.
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);
 

@@ -24,18 +24,19 @@ namespace volalign {
 
 namespace {
 
-/// Candidates of one guess: those that are looked at, and those of them that are brought onto the
-/// boxes. Without a floor there are many guesses: so many of all are looked at.
+/// Candidates of one guess: those that are measured, and those of them that are brought onto the
+/// boxes. Without a floor there are many guesses; the third number is the most of all that are
+/// measured.
 constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
 constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
 constexpr double kCoarseCells = kCellsAlongEdge / 2;
-/// The first look is with every second ray of every second row.
+/// The first measurement has every second ray of every second row.
 constexpr int kFirstLook = 2;
 
-/// A plane is of the room that has so many times the most that the structure has in one plane.
-/// Planes are found with tolerances, so that sides that are turned (25 deg) or offset (m) against
-/// each other count as one.
+/// A plane with so many times the structure's largest area in one plane belongs to the room. Planes
+/// are found with tolerances: sides that are turned (25 deg) or offset (m) against each other count
+/// as one.
 constexpr double kLargerThanStack = 1.3, kAlikePlane = kFarthestOff;
 
 /// Sensors are mounted upright, on a side or overhead.
@@ -56,7 +57,7 @@ Poses Without(Poses poses, const Refuted& is_refuted) {
   return poses;
 }
 
-/// Of poses that are about the same, the first.
+/// The first of each set of poses that are about the same.
 Poses Distinct(const Poses& poses, const Structure& structure) {
   Poses distinct;
   for (const GeometricPose& pose : poses) {
@@ -67,7 +68,7 @@ Poses Distinct(const Poses& poses, const Structure& structure) {
   return distinct;
 }
 
-/// The most of a structure's surface that may be found to lie in one plane, m^2.
+/// The largest area of the structure that may be found in one plane, m^2.
 double LargestFlat(const Structure& structure) {
   double largest = 0;
   for (const Side& side : structure.sides()) {
@@ -87,7 +88,7 @@ class Search {
   Search(const SurfaceInRoom& view, const Structure& structure)
       : view_(view), structure_(structure) {}
 
-  /// `tables`: on the planes that have something behind them.
+  /// `tables`: on the planes that have more than a little behind them.
   Poses CandidatesOnFloors(bool tables) const {
     Poses found;
     for (const Poses& poses : RoughOnFloors(kCellsAlongEdge, tables))
@@ -110,8 +111,8 @@ class Search {
     return StandsOnFloor(best) ? std::optional(best) : std::nullopt;
   }
 
-  /// Those with the structure's shape and floor round them: a side of the structure itself may have
-  /// been taken for one.
+  /// Keeps those with the structure's shape and a floor round them: a side of the structure itself
+  /// may have been taken for the floor.
   Poses VerifyOnFloors(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
       return !HasShape(pose.shape) || !StandsOnFloor(pose);
@@ -151,7 +152,7 @@ class Search {
     return best;
   }
 
-  /// The poses, and where their aliases explain the view, these.
+  /// The poses, then their symmetric poses.
   Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
     Poses moved;
     for (const GeometricPose& pose : poses) {
@@ -164,8 +165,7 @@ class Search {
     }
     SortByGain(&moved);
     Poses all = poses;
-    // Those need not pass the limits that their originals have passed: which of them explain as
-    // much is for Compete to say.
+    // Compete decides which of them explain as much as their originals.
     Append(FitWell(Distinct(moved, structure_), false), &all);
     return all;
   }
@@ -180,7 +180,7 @@ class Search {
     return FindFloor(view_.surface.view, structure_, pose.structure_from_sensor).balance() > 0;
   }
 
-  /// Of each floor, the best first.
+  /// One list for each floor, the best pose first.
   std::vector<Poses> RoughOnFloors(double cells, bool tables) const {
     std::vector<Poses> rough;
     const std::vector<StandingGuess> floors = GuessFloors(view_.planes, tables);
@@ -215,12 +215,12 @@ class Search {
     return Distinct(poses, structure_);
   }
 
-  /// Fitted with more points, and looked at with all rays. `floor`: with the floor's as well, where
-  /// that explains more: few sides may leave a direction open, but not every floor is flat.
+  /// Fits with more points and measures with all rays. With `floor`, floor points count where that
+  /// explains more: few sides may leave a direction open, but not every floor is flat.
   Poses FitWell(Poses poses, bool floor) const {
     if (poses.size() > kBeam) poses.resize(kBeam);
     for (GeometricPose& pose : poses) {
-      // One that no floor holds may be off by degrees at first.
+      // A pose that no floor fixes may be off by degrees at first.
       GeometricPose alone = FitWell(pose, view_.points, false);
       for (int round = 1; round <= kRounds; ++round) {
         const GeometricPose again = FitWell(alone, view_.points, false);
@@ -251,9 +251,9 @@ double BestShape(const Poses& poses) {
   return best;
 }
 
-/// Without those that the shape refutes as against the best one, and those that leave a notable
-/// part of what another one explains unexplained: 1 of 100 sensors' poses does, by
-/// tests/bench/shape_shares.py. The best first.
+/// Leaves out poses that the shape refutes as against the best one, and those that explain notably
+/// less than another one does. 1 of 100 sensors' poses does, by tests/bench/shape_shares.py. The
+/// best first.
 Poses Compete(Poses poses, const Structure& structure) {
   const double best = BestShape(poses);
   double most = 0;
@@ -295,7 +295,7 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   const Search search(surface, structure);
   const Poses on_floors = search.CandidatesOnFloors(false);
   Poses found = search.VerifyOnFloors(on_floors);
-  // What has the shape by poor odds only may be other boxes that stand on the floor.
+  // A shape with poor odds may be other boxes that stand on the floor.
   if (BestShape(found) < std::log(kDecisiveOdds)) {
     Poses candidates = search.CandidatesWithoutFloor();
     candidates.insert(candidates.end(), on_floors.begin(), on_floors.end());

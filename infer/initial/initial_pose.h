@@ -43,23 +43,22 @@ struct InitialPoseOptions {
   }
 };
 
-/// What one sensor's labels say about its pose.
+/// The pose of one sensor by its labels alone.
 struct InitialPose {
-  bool found = false;  ///< a pose was hypothesised; CompareWithView tells whether it is right
-  /// Of the depths, only the sides' centroids and normals are fitted.
+  bool found = false;  ///< there is a pose, right or wrong; see `agreement`
+  /// Fitted to the sides' centroids and normals, not to single depths.
   Pose structure_from_sensor = Pose::Identity();
   /// At the initial pose, on the decimated view, within SurfaceTolerance::AtRoughPose.
   Agreement agreement;
-  std::vector<SidePatch> patches;  ///< all patches that were found
+  std::vector<SidePatch> patches;  ///< all that were found
 };
 
-/// From labels, in all methods but the paper's: hypothesise and verify. Candidates are made from
-/// sets of patches (pose_candidates.h). The best of them are corrected for visibility
-/// (visibility_correction.h) and compete by how well measured depths and labels agree with the
-/// structure as seen from there, not by a number of pixels. With `near`, that pose competes too,
-/// and only results that are about the same pose count.
+/// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
+/// from sets of patches (pose_candidates.h) and corrected for visibility (visibility_correction.h).
+/// The candidate with the largest Agreement::score is taken. With `near`, that pose is a candidate
+/// too, and candidates that are not about the same pose are left out.
 ///
-/// With the paper's method: EstimatePaperPose (paper_pose.h).
+/// With PoseMethod::kPaper, EstimatePaperPose (paper_pose.h) does it instead.
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
                                 const Structure& structure, const InitialPoseOptions& options,
                                 const Pose* near = nullptr);

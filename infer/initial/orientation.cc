@@ -20,15 +20,15 @@ using pose_internal::LabelContext;
 using pose_internal::OrientationTrial;
 using pose_internal::Settled;
 
-/// Turns that bring the view into the network's orientation at a pose that a trial led to.
+/// Turns into the network's orientation at a pose that a trial led to.
 int TurnsAt(const LabelContext& context, const OrientationTrial& trial, const PoseCandidate& pose) {
   const bool over =
       pose.alias >= 0 && !context.aliases[static_cast<std::size_t>(pose.alias)].keeps_up();
   return (trial.turns + (over ? 2 : 0)) % 4;
 }
 
-/// The labels that suit a pose which was chosen among orientations and aliases, and the initial
-/// pose that follows from them.
+/// The labels that suit a pose chosen among orientations and symmetries, and the initial pose that
+/// follows from them.
 void TakeChoice(const LabelContext& context, const LabelRequest& from, const PoseCandidate& choice,
                 const std::vector<OrientationTrial*>& trials, const OrientationTrial& trial,
                 Labelled* out) {
@@ -48,8 +48,8 @@ void TakeChoice(const LabelContext& context, const LabelRequest& from, const Pos
       EstimateInitialPose(*from.view, out->segmentation, context.structure, context.initial, &pose);
 }
 
-/// A pose that geometry has found, with the labels that it implies. No network tells the turns: the
-/// frame's own, or those that put the floor at the bottom.
+/// A pose that geometry has found, with the labels that it implies. No network tells the turns:
+/// they are the frame's own, or put the floor at the bottom.
 void TakeGeometry(const LabelContext& context, const LabelRequest& from, const Pose& pose,
                   Labelled* out) {
   LabelledPose labelled = LabelByPose(*from.view, context.structure, pose, context.initial);
@@ -70,9 +70,9 @@ const OrientationTrial* OnlySettled(const std::vector<OrientationTrial*>& trials
   return only;
 }
 
-/// The poses that compete for a view, over all orientations and aliases, of the network and of
-/// geometry, which is not asked about what the network leaves no doubt of: labels and depths that
-/// agree with a pose whose floor no other pose has. Then there is only that one.
+/// The poses that compete for a view, over all orientations and symmetries, by the network and by
+/// geometry. If labels and depths settle one orientation alone, there is only its pose, and
+/// geometry is not asked.
 std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t i,
                                        const std::vector<OrientationTrial*>& trials) {
   const LabelRequest& from = context.views[i];
@@ -97,8 +97,8 @@ std::vector<PoseCandidate> Competitors(const LabelContext& context, std::size_t 
                          from.quarter_turns != kAutoTurns, context.initial);
 }
 
-/// Turns of each of the poses that compete for a view; empty where they are given, or no labels led
-/// to any. Of a pose that geometry has found, they follow from the side of the picture that is up.
+/// The turns of each competing pose. Empty where they are given, or where no pose is the network's.
+/// The turns of a pose found by geometry follow from the side of the picture that is up.
 std::vector<int> TurnsOf(const LabelContext& context, std::size_t i,
                          const std::vector<OrientationTrial*>& trials,
                          const std::vector<PoseCandidate>& poses) {
@@ -129,8 +129,8 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
   return ChooseTogether(sensors, context.structure);
 }
 
-/// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, the
-/// orientation that fits and stands on the floor best.
+/// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, it is
+/// the pose of the orientation that fits and stands on the floor best.
 Labelled TakePose(const LabelContext& context, std::size_t i,
                   const std::vector<OrientationTrial*>& trials, const PoseChoice& choice) {
   const LabelRequest& from = context.views[i];
@@ -157,7 +157,7 @@ Labelled TakePose(const LabelContext& context, std::size_t i,
   }
   const PoseCandidate& best = choice.best;
   const bool settled = choice.found && best.alias < 0 && Settled(*trials[best.trial]);
-  // What is no structure can be made to look like one by renaming its sides.
+  // By renamed sides, other things can be made to look like a structure.
   const bool trusted =
       settled || (choice.found && best.by_depth + best.by_outline + best.by_own_labels >= 0);
   const OrientationTrial& trial = trusted ? *trials[best.trial] : *BestTrial(trials);

@@ -20,7 +20,7 @@ namespace {
 /// Views in orientations, as (index, turns).
 using Orientations = std::vector<std::pair<std::size_t, int>>;
 
-/// Segments and poses each, in as few forward passes as sizes allow.
+/// Segments each view and finds its pose, in as few forward passes as sizes allow.
 std::vector<OrientationTrial> Try(const LabelContext& context, const Orientations& wanted) {
   if (wanted.empty()) return {};
   std::vector<SegmentationRequest> requests;

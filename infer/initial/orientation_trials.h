@@ -1,6 +1,6 @@
 #pragma once
 
-// What the network makes of views in different orientations. Not for callers of LabelViews.
+// The network's results in different orientations. Not for callers of LabelViews.
 
 #include <cstddef>
 #include <vector>
@@ -15,7 +15,7 @@
 
 namespace volalign::pose_internal {
 
-/// What does not change while views are labelled.
+/// The constants of one call of LabelViews.
 struct LabelContext {
   const std::vector<LabelRequest>& views;
   const Structure& structure;
@@ -27,7 +27,7 @@ struct LabelContext {
   StageClock* clock;
 };
 
-/// A view in one orientation: what the network sees in it, and the pose that follows.
+/// A view in one orientation, with the network's labels and the pose that follows from them.
 struct OrientationTrial {
   std::size_t view = 0;
   int turns = 0;
@@ -35,17 +35,17 @@ struct OrientationTrial {
   InitialPose initial;
   // Natural logarithms of the odds of the pose:
   double by_view = 0;   // by depths and labels
-  double by_floor = 0;  // against that of any alias (FloorMargin)
+  double by_floor = 0;  // against that of any symmetry (FloorMargin)
 };
 
-/// Beyond doubt: labels and depths fit the structure, and it stands on a floor. Upside down, or
-/// shifted by a box, it would not.
+/// Is the trial beyond doubt? Labels and depths then fit the structure, and it stands on a floor.
+/// Upside down, or shifted by a box, it would not.
 bool Settled(const OrientationTrial& trial);
 
 /// All trials that are needed to know every view's orientation; see LabelViews.
 std::vector<OrientationTrial> TryOrientations(const LabelContext& context);
 
-/// The trial for whose pose most speaks.
+/// The most probable trial.
 OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials);
 
 }  // namespace volalign::pose_internal

@@ -25,10 +25,10 @@ constexpr int kNeighbours = 2, kMostReach = 12;
 constexpr int kLeastNeighbours = 9;
 
 // Planes.
-/// A plane that has less, of all points' area, is none.
+/// Least share of all points' area that makes a plane.
 constexpr double kLeastShare = 0.01;
-/// Cells of a plane along the edge of a square that is as large as its smallest part to mark; what
-/// lies in neighbouring ones belongs together.
+/// Cells along the edge of a square as large as the smallest part to mark. Neighbouring occupied
+/// cells belong together.
 constexpr double kPartCells = 8;
 
 bool Lies(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, const RoomPlane& plane,
@@ -41,7 +41,7 @@ bool Lies(const OrientedPoint& point, const RoomPlane& plane, const SurfaceToler
   return Lies(point.p, point.normal, plane, tolerance);
 }
 
-/// Of the points still free, in steps that leave about `count`.
+/// Visits free points, in steps that leave about `count` of all.
 template <class Visit>
 void VisitSome(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
                std::size_t count, const Visit& visit) {
@@ -64,7 +64,7 @@ RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<
   return best;
 }
 
-/// Fitted to the points that lie on it, each counting with its area.
+/// The plane through the free points that lie on it, each weighted by its area.
 RoomPlane Fit(const std::vector<OrientedPoint>& points, const std::vector<char>& taken,
               RoomPlane plane, const SurfaceTolerance& tolerance) {
   double weight = 0;
@@ -114,7 +114,7 @@ std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& su
   return pixels;
 }
 
-/// The parts of a plane: neighbouring cells are of one. Returns the part of each cell.
+/// The parts of a plane, by cell. Neighbouring cells belong to one part.
 std::map<std::pair<int, int>, int> PartsOf(const std::vector<PlanePixel>& pixels) {
   std::map<std::pair<int, int>, int> parts;
   for (const PlanePixel& pixel : pixels) parts[pixel.cell] = -1;

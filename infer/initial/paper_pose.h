@@ -8,11 +8,11 @@
 namespace volalign {
 
 /// The estimator of the paper "Deep Soft Procrustes for Markerless Volumetric Sensor Alignment", as
-/// its authors published it (VCL3D/StructureNet, calibration.py), for comparison: of each side that
-/// more than 200 of 320x180 pixels show, the median of each coordinate of its measured
-/// pixels, whatever their confidence, against the centroid of what no other box covers of it;
-/// Procrustes over all of them. Keypoint pose and initial pose are the same. Nothing is found where
-/// fewer than three sides, or sides in a line, are visible.
+/// its authors published it (VCL3D/StructureNet, calibration.py), for comparison. A side counts if
+/// more than 200 of 320x180 pixels show it, whatever their confidence. Its point is the median of
+/// each coordinate of its measured pixels. Procrustes over all of them aligns these points with the
+/// centroids of the sides' exposed areas. Nothing is found with fewer than three such sides, or
+/// with sides in a line.
 InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
                               const Structure& structure);
 

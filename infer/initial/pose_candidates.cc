@@ -14,20 +14,20 @@ namespace volalign {
 
 namespace {
 
-/// Between a side's normal and its fitted one, beyond which they contradict each other, rad.
+/// rad: largest angle between a side's normal and its fitted one if they agree.
 constexpr double kMostNormalError = 30 * kDegree;
 
-/// Errors that the weights assume: of keypoints (visibility, labels), m, and of normals beside
-/// their own, rad.
+/// Errors that the weights assume: of keypoints, m, from visibility and labels; of normals, rad,
+/// beside their own.
 constexpr double kKeypointSigma = kRoughPose, kNormalSigma = 0.01;
 /// Area at which a patch has half of the weight that an infinite one has, m^2.
 constexpr double kHalfTrustArea = 0.03;
 /// Second largest extent of keypoints and normals, m, that fixes a rotation.
 constexpr double kMinExtent = 0.01;
-/// Of a patch's own uncertainty, so many sigmas widen the gate on its normal, of at most so much,
-/// rad.
+/// So many sigmas of a patch's own uncertainty, of at most so much, rad, widen the gate on its
+/// normal.
 constexpr double kNormalSigmas = 2, kMaxNormalSigma = 0.5;
-/// Largest patches that are combined: with more, pairs and triples add nothing.
+/// Most patches that are combined: with more, pairs and triples add nothing.
 constexpr std::size_t kCombinedPatches = 2 * kBeam;
 
 struct Candidate {
@@ -121,8 +121,8 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
   }
   source_mean /= total;
   target_mean /= total;
-  // Two points, one on either side of the mean, leave the translation alone and turn the pose
-  // towards the normal.
+  // Two points on either side of the mean leave the translation alone and turn the pose towards the
+  // normal.
   for (std::size_t i = 0; i < patches.size(); ++i) {
     if (!members[i]) continue;
     const SidePatch& patch = patches[i];

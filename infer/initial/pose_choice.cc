@@ -31,7 +31,7 @@ DecimatedTrials DecimateTrials(const SensorView& view, const std::vector<PoseTri
   return decimated;
 }
 
-/// A trial's labels, renamed as the pose's alias has them.
+/// A trial's labels, renamed by the pose's symmetry.
 SegmentationResult ImpliedLabels(const PoseCandidate& pose,
                                  const std::vector<SegmentationResult>& labels,
                                  const std::vector<StructureAlias>& aliases) {
@@ -55,8 +55,8 @@ Pose EstimateAgain(const PoseCandidate& pose, const DecimatedTrials& coarse,
   return again.found ? again.structure_from_sensor : pose.structure_from_sensor;
 }
 
-/// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Therefore
-/// every pose is estimated again before it is judged, once for all that are about the same.
+/// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Every
+/// pose is therefore estimated again before it is judged, once for all that are about the same.
 void EstimateAllAgain(const DecimatedTrials& coarse, const Structure& structure,
                       const std::vector<StructureAlias>& aliases, const InitialPoseOptions& options,
                       std::vector<PoseCandidate>* poses) {

@@ -10,7 +10,7 @@ namespace volalign {
 
 namespace {
 
-/// Labels follow the pose that they led to while it moves farther than this, m.
+/// m: a pose is labelled again while its labels move it farther than this.
 constexpr double kLabelsStay = 0.005;
 
 }  // namespace

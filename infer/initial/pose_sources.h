@@ -12,20 +12,20 @@
 
 namespace volalign {
 
-/// Does a calibration ask the network for poses, or geometry? `model`: there is a network.
+/// Does a calibration take poses from the network, or from geometry? `model`: there is a network.
 bool AsksNetwork(PoseMethod method, bool model);
 bool AsksGeometry(PoseMethod method);
 
-/// The poses that compete for a view, and what speaks for each: those of the trials (PosesOfTrials)
-/// and, where the method asks geometry, its own (FindPosesByGeometry),
-/// but for those that turn the structure over where the orientation is known and has led to poses.
+/// The poses that compete for a view, with their evidence: those of the trials (PosesOfTrials) and,
+/// where the method uses geometry, those of FindPosesByGeometry. If `known_up` and the trials have
+/// poses, geometry's poses that turn the structure over against all of them are left out.
 std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structure& structure,
                                            const std::vector<StructureAlias>& aliases,
                                            const std::vector<PoseTrial>& trials, bool known_up,
                                            const InitialPoseOptions& initial);
 
-/// The labels that a pose implies, and the initial pose that follows from them: what a network's
-/// labels lead to, for a pose that geometry has found.
+/// The labels that a pose found by geometry implies, and the initial pose that follows from them.
+/// They take the place of a network's labels.
 struct LabelledPose {
   SegmentationResult segmentation;
   InitialPose initial;

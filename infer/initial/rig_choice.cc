@@ -18,27 +18,29 @@ namespace volalign {
 
 namespace {
 
-/// Natural logarithms of odds. What decides; what is enough to choose by, but leaves a choice
-/// ambiguous; and what decides unless something else tells otherwise: one sensor in a thousand is
-/// taken to be mounted otherwise than several others, and one frame to be labelled as an alias of
-/// the structure would be.
+/// Natural logarithms of odds. The first settles a choice. The second is enough to choose by, but
+/// leaves the choice ambiguous. The third decides unless something else speaks against it. One
+/// sensor in a thousand is assumed to be mounted otherwise than several others, and one frame in a
+/// thousand to have the labels of a symmetry.
 const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2, kUsual = kDecides + kTells;
 
-/// The index of the pose that each sensor has, of its options; -1: it has none, or any.
+/// For each sensor the index of its option; -1: it has none, or any.
 using Choice = std::vector<int>;
 
-/// What counts: evidence alone; with the network's orientation, but without a floor that does not
-/// decide; with labels that tell up from down, too. What is not evidence leaves a choice ambiguous.
+/// The terms that count. kFit: the evidence alone. kOrientation: also the network's orientation,
+/// but no floor that does not decide. kAll: also every floor, and labels that tell up from down. A
+/// choice by more than evidence is ambiguous.
 enum class Count { kFit, kOrientation, kAll };
 
-/// One of the poses that a sensor may have, and those of its competitors that are about the same.
+/// A pose that a sensor may have, which stands for all candidates that are about the same.
 struct Option {
-  PoseCandidate pose;  // the one with the best labels of its own, and the most that speaks for any
+  PoseCandidate pose;  // the one that suits best (SuitsBetter), with the most evidence of any
   int upright = 0;     // UprightTurns
   int turns = 0;       // into the network's orientation
 };
 
-/// Of two that are about the same: a network's rather than geometry's, and by its own labels.
+/// Which of two poses about the same is kept: a network's rather than geometry's, then the one with
+/// better labels of its own.
 bool SuitsBetter(const PoseCandidate& pose, const PoseCandidate& than) {
   const auto rank = [](const PoseCandidate& each) {
     return std::make_pair(each.source == PoseSource::kNetwork, each.by_own_labels);
@@ -100,8 +102,8 @@ class Rig {
     return LogOddsOfPairs(between) + score;
   }
 
-  /// The best choice in which each sensor has what `fixed` has, where that is not -1. Of choices
-  /// that are as good, the one that `near`, if there is one, leads to.
+  /// The best choice that has the options of `fixed` where these are not -1. The one found from
+  /// `near`, if given, comes before equally good ones.
   Choice Best(const Choice& fixed, Count count, const Choice& near = {}) {
     std::vector<Choice> starts;
     if (!near.empty()) starts.push_back(near);
@@ -125,8 +127,8 @@ class Rig {
   }
   double BestScore(const Choice& fixed, Count count) { return Score(Best(fixed, count), count); }
 
-  /// Of a choice, the sensor that the others are held against where they stay open: one that
-  /// nothing leaves ambiguous, of the most that are mounted alike, in the network's orientation.
+  /// The sensor with which open ones are compared. It is preferably unambiguous, then mounted like
+  /// most, then in the network's orientation.
   std::size_t Anchor(const Choice& choice, const std::vector<PoseChoice>& choices) const {
     const auto rank = [&](std::size_t i) {
       int alike = 0;
@@ -141,8 +143,8 @@ class Rig {
     return anchor;
   }
 
-  /// Could the sensor, whose picture lies on another side than the anchor's, as well be turned over
-  /// while those that are mounted on the anchor's axis are not?
+  /// Could the sensor as well be turned over while those on the anchor's axis are not? False for a
+  /// sensor whose picture stands on the anchor's axis itself.
   bool IsUpUnknown(std::size_t i, std::size_t anchor, const Choice& choice) {
     const auto axis = [&](std::size_t j) { return UprightOf(j, choice[j]) % 2; };
     if (axis(i) == axis(anchor)) return false;
@@ -161,8 +163,8 @@ class Rig {
   }
 
  private:
-  /// From `choice` on, sensor by sensor, until no other pose of one of them is better. Those that
-  /// are `fixed` stay as they are.
+  /// Improves `choice` sensor by sensor until no other pose of one of them is better. Sensors in
+  /// `fixed` stay as they are.
   Choice Improve(Choice choice, const Choice& fixed, Count count) {
     for (bool changed = true; changed;) {
       changed = false;
@@ -185,7 +187,6 @@ class Rig {
     return choice;
   }
 
-  /// Drops the options that would not be named.
   void DropImprobable(std::size_t i) {
     std::vector<double> own;
     for (int k = 0; k < static_cast<int>(options_[i].size()); ++k)
@@ -198,11 +199,11 @@ class Rig {
     options_[i] = std::move(kept);
   }
 
-  /// What speaks for a sensor's option by its own view, against the best of all its options.
+  /// Log odds of a sensor's option by its own view, against the best of all its options.
   double Own(std::size_t i, int k, Count count) const {
     const Option& option = OptionOf(i, k);
     double fit = 0, floor = 0;
-    const Option* named = &option;  // the one that labels speak for most
+    const Option* named = &option;  // the one with the most evidence by labels
     for (const Option& other : options_[i]) {
       fit = std::max(fit, Fit(other) - Fit(option));
       floor = std::max(floor, other.pose.by_floor - option.pose.by_floor);
@@ -222,8 +223,8 @@ class Rig {
     return score;
   }
 
-  /// What speaks against sensors that are mounted otherwise than most: than most of those whose
-  /// picture stands on the same axis, and for those on the other axis than most.
+  /// Penalty for sensors that are mounted otherwise than most on the same axis of the picture, and
+  /// for those on the other axis than most.
   double Deviations(const Choice& choice) const {
     std::array<int, 4> mounted{};
     for (std::size_t i = 0; i < size(); ++i) {
@@ -257,7 +258,7 @@ class Rig {
 
   const CauseShares& OfPair(std::size_t i, int k, std::size_t j, int l) {
     const auto [known, missing] = of_pairs_.try_emplace({i, j, k, l}, CauseShares());
-    // Two sensors of which nothing is open say nothing about the others.
+    // Two settled sensors say nothing about the others.
     if (missing && (options_[i].size() > 1 || options_[j].size() > 1)) {
       known->second =
           ExplainPair(Measured(i), Measured(j), PoseOf(i, k).inverse() * PoseOf(j, l), kRoughPose);
@@ -265,8 +266,8 @@ class Rig {
     return known->second;
   }
 
-  /// Every sensor's own best option with one of these sides of the picture up, where it has one:
-  /// of pictures that stand upright, and of those that lie on their side.
+  /// Every sensor's own best option, of those with the given side of the picture up where it has
+  /// one: `upright` or `on_its_side`.
   Choice AllUpright(std::size_t upright, std::size_t on_its_side, Count count) const {
     Choice choice;
     for (std::size_t i = 0; i < size(); ++i) {
@@ -286,18 +287,18 @@ class Rig {
   const Structure& structure_;
   std::vector<const SensorView*> views_;
   std::vector<std::vector<Option>> options_;
-  std::vector<std::unique_ptr<MeasuredView>> measured_;  // where they are asked for
+  std::vector<std::unique_ptr<MeasuredView>> measured_;  // made on demand
   std::map<std::tuple<std::size_t, std::size_t, int, int>, CauseShares> of_pairs_;
 };
 
-/// Another choice, and the log odds of the one that is taken against it.
+/// Another choice, and the log odds of the chosen one against it.
 struct Alternative {
   Choice choice;
   double log_odds = 0;
 };
 
-/// The best choices in which one of the sensors that are not fixed has another pose than in `best`,
-/// the most probable first.
+/// For each sensor that is not fixed and each of its other poses, the best choice with that pose.
+/// The most probable first.
 std::vector<Alternative> OtherChoices(const Choice& best, const Choice& fixed, Rig* rig) {
   const double score = rig->Score(best, Count::kFit);
   std::vector<Alternative> alternatives;
@@ -331,8 +332,8 @@ std::vector<int> OtherPoses(const std::vector<Alternative>& alternatives, const 
   return poses;
 }
 
-/// What the sensors have where a person has chosen and their views leave it open, else -1. `best`:
-/// without these choices.
+/// The options that a person has chosen where the views leave them open, else -1. `best`: the
+/// choice without these.
 Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& best, Rig* rig) {
   Choice given(rig->size(), -1);
   const std::vector<Alternative> alternatives = OtherChoices(best, given, rig);

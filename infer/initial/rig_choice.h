@@ -8,38 +8,39 @@
 
 namespace volalign {
 
-/// The poses among which a sensor's is chosen: those that compete (pose_sources.h), or the only
-/// one. None: the sensor has no pose, and takes no part. The view must outlive the choice.
+/// The poses from which a sensor's is chosen: those that compete (pose_sources.h), or the only one.
+/// A sensor without poses takes no part. The view must outlive the choice.
 struct SensorCandidates {
   const SensorView* view = nullptr;
   std::vector<PoseCandidate> poses;
-  /// Of each pose, the turns that bring the frame into the network's orientation; empty where they
-  /// are given, or not known.
+  /// For each pose, the turns into the network's orientation. Empty where they are given or not
+  /// known.
   std::vector<int> turns;
-  /// What a person has chosen: 1, the pose that would be chosen; 2 and on, PoseAlternative::number;
-  /// 0: nothing. The sensor is then beyond doubt, and the others are chosen to suit it. A number
-  /// that it does not have, or whose pose the views refute by kDecisiveOdds, is ignored.
+  /// A person's choice. 0 is none, 1 the pose that would be chosen, 2 and on
+  /// PoseAlternative::number. The sensor is then beyond doubt, and the others are chosen to suit
+  /// it. A number that it does not have, or whose pose the views refute by kDecisiveOdds, is
+  /// ignored.
   int chosen = 0;
 };
 
-/// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another:
-/// those for which most speaks, in log odds, of
-/// - each sensor's own depths, outline, floor and labels (PoseCandidate). Labels tell one step of a
-///   spiral from the next, but not up from down: a network that is shown a part of the structure
-///   upside down labels it about as well,
-/// - what two sensors measured beside the structure, which does not lie where one of them sees
-///   through it (infer/depth/measured_view.h),
-/// - that the sensors of a rig are mounted alike: they have the same side of the picture up, or one
-///   side where the picture stands upright and one where it lies on its side,
-/// - and, where nothing else tells, that they are mounted as those that the network was trained on.
-/// A sensor is ambiguous where another set of poses, in which it has another one, has odds of more
-/// than 1 to kDecisiveOdds. Depths and outlines of a sensor count from odds of its square root on,
-/// so that what says nothing in one view says nothing in many. Labels that prefer one of a pose and
-/// its like upside down decide which is taken, but leave it ambiguous, and so does a single other
-/// sensor that is mounted alike. Where nothing, not even the network's orientation, tells whether a
-/// sensor is upside down as the others stand, its up is unknown: taken either way, it might
-/// contradict them. Every set of poses that is the best in which some sensor has another pose than
-/// the chosen one is listed with its odds (PoseAlternative).
+/// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another.
+/// It takes the set of poses with the largest sum of log odds. Four things count.
+///
+/// Each sensor's own depths, outline, floor and labels count (PoseCandidate). Labels tell one step
+/// of a spiral from the next, but not up from down: a network labels a part of the structure upside
+/// down about as well. Two sensors' points beside the structure count where one sensor sees through
+/// a surface that the other measured (infer/depth/measured_view.h). Sensors of a rig are usually
+/// mounted alike: the same side of the picture is up, or one side for upright pictures and one for
+/// those on their side. Where nothing else tells, they are assumed to be mounted as those that the
+/// network was trained on.
+///
+/// A sensor is ambiguous where another set of poses, in which it has another pose, has odds of more
+/// than 1 to kDecisiveOdds. A sensor's depths and outline count from odds of its square root on, so
+/// that small differences in many views do not add up. Labels that prefer a pose to the same one
+/// upside down decide which is taken, but leave the sensor ambiguous. So does a single other sensor
+/// that is mounted alike. A sensor's up is unknown where nothing, not even the network's
+/// orientation, tells whether it is upside down as the others stand. PoseAlternative lists every
+/// set of poses that is the best in which some sensor has another pose than the chosen one.
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
                                        const Structure& structure);
 

@@ -8,8 +8,7 @@ namespace volalign {
 
 namespace {
 
-/// m: what estimates of one pose differ by, however small a structure is, and the most that is
-/// asked for of a large one.
+/// m: bounds of the limit for a very small and a very large structure.
 constexpr double kLeastStep = kRoughPose, kMostStep = 0.2;
 constexpr double kPartOfEdge = 0.5;
 

@@ -5,9 +5,9 @@
 
 namespace volalign {
 
-/// Are these two estimates of about the same pose? They are where the structure stands nearly alike
-/// at both: none of its corners is moved by more than half of its smallest edge, but by 3 to 20 cm
-/// at most. Steps and turns that make a structure look alike move it by more.
+/// Are these estimates of about the same pose? The motion between them then moves no corner of the
+/// structure by more than half of its smallest edge, limited to 3 to 20 cm. Steps and turns that
+/// make a structure look alike move it farther.
 bool SamePose(const Structure& structure, const Pose& a, const Pose& b);
 
 }  // namespace volalign

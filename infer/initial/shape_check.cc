@@ -16,14 +16,14 @@ namespace volalign {
 
 namespace {
 
-/// A side is tilted whose plane, as it was measured, is so far from the pose's, rad (12 deg), and
-/// by so many standard deviations more; m^2: smaller patches say nothing.
+/// A side is tilted if its measured plane differs from the pose's by more than this angle, rad (12
+/// deg), and this many standard deviations. Smaller patches, m^2, say nothing.
 constexpr double kTilted = 12 * kDegree, kTiltSigmas = 2, kLeastPatch = 0.02;
 
 bool IsTilted(const SidePatch& patch, const Structure& structure,
               const Pose& structure_from_sensor) {
   const Eigen::Vector3d normal = structure_from_sensor.linear() * patch.normal;
-  // The normal of a side that is seen edge-on may come out on either side of it.
+  // A side seen edge-on may have its normal on either side.
   const double cosine = std::abs(normal.dot(structure.SideOfLabel(patch.label).normal));
   return patch.area > kLeastPatch &&
          std::acos(std::min(1.0, cosine)) > kTilted + kTiltSigmas * patch.normal_sigma;

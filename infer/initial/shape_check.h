@@ -9,9 +9,10 @@
 
 namespace volalign {
 
-/// Of a pose that geometry has found and that was refined since: ViewFit::LogOdds, if they do not
-/// refute it (kDecisiveOdds). It is looked at more closely then: other boxes may have the
-/// structure's outline to a few centimetres, but they do not face as its sides do.
+/// ViewFit::LogOdds of a pose that geometry found and that was refined since. Nothing if the shape
+/// (by kDecisiveOdds), the floor or a tilted side refutes it. This check is closer than the search:
+/// other boxes may have the structure's outline to a few centimetres, but their sides face
+/// otherwise.
 std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
                                    const Pose& structure_from_sensor);
 

@@ -15,19 +15,18 @@ namespace volalign {
 
 namespace {
 
-/// Twice the area of a triangle over the square of its longest side, below which it is too thin.
+/// Least ratio of twice a triangle's area to the square of its longest side.
 constexpr double kThinTriangle = 0.05;
-/// A label's second patch, as a share of the first, from which on it is a rival: less is what the
-/// frayed border of a label leaves over.
+/// A label's second patch counts if it has at least one part in so many of the first. Smaller ones
+/// are left over at the frayed border of a label.
 constexpr int kRivalDivisor = 3;
-/// A sensor's depth error is smooth, so about a hundred neighbouring pixels tell as much as one,
-/// and no plane is known better than this, m.
+/// A sensor's depth error is smooth, so about a hundred neighbouring pixels tell as much as one. No
+/// plane is known better than kSmoothError, m.
 constexpr double kPixelsPerPlane = 100, kSmoothError = 0.003;
 /// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
 const double kMinVariance = std::pow(StepSigma() * kDepthStep, 2);
 
-/// Row-major pixel indices of each label, without components of fewer than `speck` pixels,
-/// which label errors make.
+/// Row-major pixel indices of each label, without components of fewer than `speck` pixels.
 std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
                                               const SegmentationResult& segmentation,
                                               int num_classes, double min_confidence,

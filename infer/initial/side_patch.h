@@ -9,7 +9,7 @@
 
 namespace volalign {
 
-/// Least probability of a pixel's label for it to count.
+/// Least probability at which a pixel's label counts.
 inline constexpr double kLeastConfidence = 0.5;
 /// Least pixels on the plane of a side that counts as found.
 inline constexpr int kFewestSidePixels = 25;
@@ -25,8 +25,8 @@ struct SidePatch {
   double mean_confidence = 0;
 };
 
-/// Collects each label's confident pixels, drops specks (small connected components, which label
-/// errors make), and fits planes by RANSAC; a patch is no larger than the side's diagonal. A label
+/// Fits planes to each label's confident pixels by RANSAC. Specks (small connected components) are
+/// dropped, because label errors make them. A patch is no larger than the side's diagonal. A label
 /// that marks two surfaces gives two patches, the larger first. A handful of far pixels with a
 /// wrong label therefore changes nothing. Deterministic.
 std::vector<SidePatch> CollectPatches(const SensorView& view,

@@ -14,8 +14,8 @@ namespace {
 /// Slabs of the lowest box.
 constexpr double kSlabsPerBox = 3;
 constexpr double kMostCell = 2 * kRoughPose, kMostSlab = 0.2;  // m
-/// Cells along the structure's radius, and slabs along its height: what is small beside the whole
-/// need not be seen to find it.
+/// Most cells along the structure's radius, and slabs along its height. Details that are small
+/// beside the whole need not be seen to find it.
 constexpr double kMostCells = 16;
 /// Inside begins so many cells behind the surface: a diagonal.
 constexpr double kInsideDepth = M_SQRT2;

@@ -9,17 +9,18 @@
 
 namespace volalign {
 
-/// A piece of a structure's surface, or of its inside, about the structure's middle, m.
+/// A piece of a structure's surface or inside. x and z are relative to the structure's middle, m.
 struct StackPiece {
   enum Kind { kSide, kTop, kInside };
   double x = 0, z = 0;
   int slab = 0;
-  double heading = 0;  ///< of a side's normal, rad
+  double heading = 0;  ///< rad, of a side's normal
   Kind kind = kSide;
-  double weight = 0;  ///< of what a cell counts in which it lies
+  double weight = 0;  ///< vote of a measured cell there
 };
 
-/// A structure in horizontal slabs, and how finely it is searched for, as its own boxes have it.
+/// A structure in horizontal slabs, and the steps of the search for it, which follow from its
+/// boxes.
 struct StackOutline {
   double cell = 0;                   ///< m, horizontally
   double slab = 0;                   ///< m, vertically
@@ -33,15 +34,15 @@ struct StackOutline {
   int SlabAt(double height) const { return static_cast<int>(std::floor(height / slab)); }
   bool Has(int slab_index) const { return slab_index >= 0 && slab_index < slabs; }
 };
-/// Cells along the smallest horizontal edge of any box, if that makes them small enough.
+/// Cells along the smallest horizontal edge of any box. MakeStackOutline limits their size.
 inline constexpr double kCellsAlongEdge = 8;
 StackOutline MakeStackOutline(const Structure& structure, double cells = kCellsAlongEdge);
 
-/// Upward part of a unit normal from which on a surface counts as a top, and up to which as a side;
-/// in between and below it counts as neither.
+/// Upward part of a unit normal from which on a surface is a top, and up to which it is a side.
+/// Other surfaces are neither.
 inline constexpr double kFacesUp = kFacesAlike, kFacesAside = 0.5;
 
-/// What a measured cell counts that lies inside the structure.
+/// Vote of a measured cell inside the structure.
 inline constexpr double kInsideVote = -1;
 
 /// Direction of a normal in the horizontal plane, rad.

@@ -12,14 +12,14 @@ namespace volalign {
 
 namespace {
 
-/// A cell counts in full when so much of it was measured.
+/// Measured share of a cell from which on it counts in full.
 constexpr double kFullCell = 0.5;
 
-/// Ways in which a surface may face: up, or one of the sectors of the horizon.
-/// The inside of a structure counts against all of them.
+/// Ways in which a surface may face: up, or into one of the sectors of the horizon. The inside of a
+/// structure counts against all of them.
 constexpr int kSectors = 8, kUp = kSectors, kInside = kSectors + 1, kWays = kSectors + 2;
 
-/// The way that a normal of the room faces; -1: down, or between up and aside.
+/// The way that a normal faces, room frame; -1: down, or between up and aside.
 int WayOf(const Eigen::Vector3d& normal) {
   if (normal.y() > kFacesUp) return kUp;
   if (std::abs(normal.y()) > kFacesAside) return -1;
@@ -65,7 +65,7 @@ void Votes::Make(const std::vector<StackPiece>& pieces, double yaw) {
       Add(piece.slab, piece.kind == StackPiece::kTop ? kUp : kInside, x, z, piece.weight);
       continue;
     }
-    // To the sector that it faces, and the nearer one of its neighbours.
+    // It counts for the sector that it faces and for the nearer neighbour.
     const double sector = (piece.heading - yaw) / (2 * M_PI / kSectors) + 3 * kSectors;
     const auto lower = static_cast<int>(sector - 0.5);
     Add(piece.slab, lower % kSectors, x, z, piece.weight);
@@ -76,7 +76,7 @@ void Votes::Make(const std::vector<StackPiece>& pieces, double yaw) {
 
 const std::vector<Vote>& Votes::Of(int slab, int way) const { return lists_[ListOf(slab, way)]; }
 
-/// To the four cells round a place.
+/// Distributes a weight over the four cells round a place.
 void Votes::Add(int slab, int way, double x, double z, double weight) {
   const int ix = static_cast<int>(std::floor(x)), iz = static_cast<int>(std::floor(z));
   const double fx = x - ix, fz = z - iz;
@@ -91,7 +91,6 @@ void Votes::Add(int slab, int way, double x, double z, double weight) {
   }
 }
 
-/// What was added, as lists.
 void Votes::Collect() {
   for (std::vector<Vote>& list : lists_) list.clear();
   for (const std::size_t at : touched_) {

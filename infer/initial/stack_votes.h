@@ -9,8 +9,8 @@
 
 namespace volalign {
 
-/// What a measured cell votes for: a place of the structure, in cells from it. The weight is that
-/// of the piece of the structure that lies there.
+/// A measured cell's vote for a place of the structure, at an offset in cells. The weight is that
+/// of the structure's piece there.
 struct Vote {
   int dx, dz;
   float weight;
@@ -43,19 +43,19 @@ struct OccupiedCell {
   float weight;
 };
 
-/// The cells above a foot, m, in which the structure's slabs may be, by slab and way. `room`: the
-/// turn from the sensor into a frame whose y is up.
+/// The measured cells at the height of the structure's slabs above `foot`, m, by slab and way.
+/// `room`: the turn from the sensor into a frame whose y is up.
 std::vector<OccupiedCell> FindOccupied(const std::vector<OrientedPoint>& points,
                                        const StackOutline& outline, double foot,
                                        const Eigen::Matrix3d& room);
 
-/// A place of the structure with its votes, in cells and the indices of turn and foot.
+/// A place of the structure with its votes, in cells, and the indices of turn and foot.
 struct Peak {
   float votes;
   int x, z, turn, foot;
 };
 
-/// Of the highest score, what a candidate needs.
+/// Share of the highest score that a candidate needs.
 inline constexpr double kLeastVotes = 0.5;
 
 /// Votes of one turn for each place.
@@ -65,8 +65,7 @@ class VoteMap {
 
   void Count(const std::vector<OccupiedCell>& occupied, const Votes& votes);
 
-  /// Appends the highest places of their surroundings that have at least a share of the most votes
-  /// so far.
+  /// Appends the local maxima that have at least kLeastVotes of the most votes so far.
   void AppendPeaks(int turn, int foot, float* most, std::vector<Peak>* peaks) const;
 
  private:

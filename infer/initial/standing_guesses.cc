@@ -15,19 +15,19 @@ namespace {
 
 /// Share of a view's surface that may lie behind a floor: reflections, a stair.
 constexpr double kMostBehind = kNotable;
-/// Cosine of the angle between directions that are at a right angle, to 15 deg.
+/// Cosine below which directions are at a right angle, to 15 deg.
 const double kAtRightAngle = std::sqrt(1 - kSameDirection * kSameDirection);
 /// rad: two turns that differ by less (8 deg) are one.
 const double kSameTurn = std::acos(kSameNormal);
-/// Sine of the angle between what may be up and a plane that may be upright (30 deg).
+/// Sine of the largest angle between up and an upright plane (30 deg).
 constexpr double kUpright = 0.5;
-/// Heights of surfaces that face up: in cells of this part of a slab; with at least this share of
-/// the area that the highest count has.
+/// Surfaces that face up are counted in heights of this part of a slab. A height counts if it has
+/// at least this share of the largest area.
 constexpr double kHeightCell = 0.2, kLeastLevel = kLeastShown;
 /// Feet nearer than this part of a slab are one.
 constexpr double kSameFoot = 0.5;
 
-/// Different directions in which planes face, up to their sign.
+/// The different directions in which planes face, up to their sign.
 std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
   std::vector<Eigen::Vector3d> axes;
   for (const RoomPlane& plane : planes) {
@@ -69,7 +69,7 @@ std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
   return ups;
 }
 
-/// Adds a turn and those by right angles from it.
+/// Adds a turn and the three at right angles to it.
 void AddTurns(double turn, std::vector<double>* turns) {
   for (int quarter = 0; quarter < 4; ++quarter) {
     const double other = turn + quarter * M_PI / 2;

@@ -42,7 +42,8 @@ Eigen::Vector3d Middle(const Structure& structure) {
   return all.center();
 }
 
-/// Of patches of the picture, each with the distance of its middle to its side's plane.
+/// Information of the picture's patches: each measures the distance of its middle to its side's
+/// plane.
 Matrix6d PatchInformation(const ExpectedView& view, const RayTable& rays,
                           const Structure& structure, const Pose& pose) {
   Matrix6d information = Matrix6d::Zero();
@@ -61,8 +62,8 @@ Matrix6d PatchInformation(const ExpectedView& view, const RayTable& rays,
   return information;
 }
 
-/// Of silhouettes: where a side ends before something far behind it, the picture tells the place
-/// across its edge, to a pixel for each kPatch pixels of the edge.
+/// Information of silhouettes. Where a side ends before something far behind it, the picture tells
+/// the place across its edge. Each kPatch pixels of the edge tell it to a pixel.
 Matrix6d EdgeInformation(const ExpectedView& view, const RayTable& rays, const Pose& pose) {
   constexpr int kWindow = 2;  // px
   Matrix6d information = Matrix6d::Zero();
@@ -97,7 +98,7 @@ Matrix6d EdgeInformation(const ExpectedView& view, const RayTable& rays, const P
   return information;
 }
 
-/// Of the sensor's position, the standard deviation in its worst direction.
+/// Standard deviation of the sensor's position in its worst direction.
 double WeakestSigma(const Matrix6d& information) {
   const Eigen::SelfAdjointEigenSolver<Matrix6d> solver(information);
   const double least = 1 / (kOpen * kOpen);
@@ -138,13 +139,13 @@ RayTable Coarse(const RayTable& rays) {
   return coarse;
 }
 
-/// What a sensor sees, with all of its rays and with a few, which tell most aliases apart.
+/// A sensor's rays, and a few of them, which tell most symmetries apart.
 struct Rays {
   RayTable all, coarse;
 };
 
 /// A few rays decide where enough of them meet the stack and far more, or far fewer, differ than
-/// may: a tower of many boxes has hundreds of aliases.
+/// may. A tower of many boxes has hundreds of symmetries.
 bool LookAlike(const Structure& structure, const Rays& rays, const Pose& pose,
                const DepthImage& depth, const DepthImage& coarse) {
   const Alike few = Compare(coarse, CastView(structure, rays.coarse, pose).depth);

@@ -16,26 +16,26 @@ struct TargetViewOptions {
   int directions = 36;                                   ///< about the vertical
 };
 
-/// What a sensor (320 x 288 pixels, 75 x 65 deg) that looks at the stack's middle would see of it.
+/// The stack as a sensor (320 x 288 pixels, 75 x 65 deg) sees it that looks at its middle.
 struct TargetView {
-  double phi_deg = 0;           ///< about the vertical from +x towards +z, as a rig's sensors
+  double phi_deg = 0;           ///< azimuth, from +x towards +z, as of a rig's sensors
   double height_m = 0;          ///< above the floor
   int sides = 0;                ///< with enough pixels to be used
   bool sides_fix_pose = false;  ///< SidesFixPose
-  /// Standard deviation of the position in the direction that the view tells least about, m, for
-  /// independent errors of 5 mm of patches of 10 x 10 pixels, and of a pixel of every 10 pixels of
-  /// its silhouettes; infinite where it is open.
+  /// Standard deviation of the position in its least known direction, m; infinite where it is open.
+  /// It assumes independent errors: 5 mm per patch of 10 x 10 pixels, and one pixel per 10 pixels
+  /// of a silhouette.
   double weakest_m = 0;
-  /// Indices of the aliases (StructureAlias) that look alike from there: at least 95 % of the
-  /// pixels on the stack from either pose have the same depth, to 2 cm.
+  /// Indices of the symmetries (StructureAlias) that look alike from there. At least 95 % of the
+  /// pixels on the stack from either pose then have the same depth, to 2 cm.
   std::vector<int> look_alike;
 };
 
 struct TargetAlias {
   std::string motion;        ///< "turned by 180 deg"
-  int boxes = 0;             ///< that it moves onto boxes
+  int boxes = 0;             ///< number of boxes that it moves onto boxes
   bool all = false;          ///< of them
-  bool floor_tells = false;  ///< it leaves the floor, which tells it apart where the floor is seen
+  bool floor_tells = false;  ///< it leaves the floor: a seen floor tells it apart
 };
 
 struct TargetQuality {
@@ -44,7 +44,7 @@ struct TargetQuality {
   TargetViewOptions options;
 };
 
-/// `count` is told how many of the views are done.
+/// Measures views from all directions and heights. `count` is called with the number of views done.
 TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions& options = {},
                             const CountDone& count = {});
 

@@ -14,16 +14,16 @@ namespace volalign {
 
 namespace {
 
-/// m: how far beyond a side's border is looked for surface that goes on, and from where on.
+/// m: surface that goes on is searched for from and up to here beyond a side's border.
 constexpr double kBeyondFrom = kSamePlace, kBeyondTo = 0.07;
 
 /// m^2 that count as one measurement. Cells of 5 to 20 cm tell right from wrong about equally well,
-/// by the same script.
+/// by the script below.
 constexpr double kCell = 0.1 * 0.1;
-// Of candidates in rendered and recorded frames, by tests/bench/shape_shares.py: the share of what
-// is measured where the structure is that is the structure; of what lies beyond its sides' borders,
-// the share where the surface ends; of its planes that nothing hides, the share that is found; and
-// of its surface, the share that is measured.
+// Shares among candidates in rendered and recorded frames, by tests/bench/shape_shares.py. kIsIt:
+// points where the structure should be that lie on it. kEnds: surroundings of its sides' borders
+// where the surface ends. kPlanes: its unhidden planes that are found. kMeasured: its surface that
+// is measured.
 constexpr ShareOdds kIsIt{{3220, 9.4}, {1.82, 1.03}};
 constexpr ShareOdds kEnds{{4350, 12.4}, {6.3, 0.68}};
 constexpr ShareOdds kPlanes{{144, 0.51}, {2.15, 1.26}};
@@ -32,9 +32,9 @@ constexpr ShareOdds kMeasured{{9.2, 19.2}, {1.77, 16.4}};
 /// One ray, structure frame: p = origin + z * direction.
 struct Ray {
   Eigen::Vector3d origin, direction;
-  double area = 0;  // m^2, that its pixel covers of the sensor's plane z = 1
+  double area = 0;  // m^2, of its pixel on the sensor's plane z = 1
   double measured = 0, expected = 0;
-  int label = 0;           // of the side that is expected; 0: one without label, or none
+  int label = 0;           // of the expected side; 0: one without label, or none
   Eigen::Vector3d normal;  // measured; zero: not known
   bool room = false;       // measured on a plane of the room
 };
@@ -52,20 +52,20 @@ double Beyond(const Side& side, const Eigen::Vector3d& p, int* border = nullptr)
   return std::max(beyond_u, beyond_v);
 }
 
-/// Areas beyond one border of a side, m^2: that the pose shows, that nothing in front hides, and
-/// what of it was found.
+/// Areas beyond one border of a side, m^2: shown at the pose, with nothing in front, and of these
+/// where the surface ends or goes on.
 struct BorderShape {
   double shown = 0, open = 0, ends = 0, goes_on = 0;
 };
 
-/// The same of one side.
+/// Areas of one side, m^2.
 struct SideShape {
   double shown = 0, open = 0, explained = 0;
-  double seen = 0;  // of what is explained, as the sum over all sides has it
+  double seen = 0;  // explained, by Seen
   std::array<BorderShape, kBorders> borders;
 };
 
-/// m^2 beyond a border, below which it says nothing.
+/// m^2 beyond a border that are needed to say something.
 double LeastBeyond(const Side& side, int border) {
   const double length = 2 * (border < 2 ? side.half_v : side.half_u);
   return kLeastShown * length * (kBeyondTo - kBeyondFrom);
@@ -83,7 +83,7 @@ bool EndsThere(const Side& side, const SideShape& shape) {
   return goes_on <= ends;
 }
 
-/// A plane of the structure, and whether a side or a border tells of it.
+/// A plane of the structure, and whether a side or a border shows it openly or confirms it.
 struct StructurePlane {
   Eigen::Vector3d normal;
   double offset = 0;
@@ -230,8 +230,8 @@ class Measurement {
     return z * z * ray.area / cosine;
   }
 
-  /// The same, at most twice what the ray sees of it: where a side is seen edge-on, one row of
-  /// pixels more or less would outweigh all others.
+  /// Area, but at most twice the area across the ray. At a side seen edge-on, one row of pixels
+  /// more or less would outweigh all others.
   static double Seen(const Ray& ray, const Side& side, double z) { return Area(ray, side, z, 0.5); }
 
   const Structure& structure_;

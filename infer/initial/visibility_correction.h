@@ -12,16 +12,16 @@
 
 namespace volalign {
 
-/// One for each patch: the centroid, structure frame, of what the patch's side shows from the pose
-/// and the view measured; the side's keypoint where that is much less than the patch.
+/// For each patch, the centroid of the visible part of its side from the pose, structure frame, m.
+/// Where that part is much smaller than the patch, the side's keypoint.
 std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
                                               const std::vector<SidePatch>& patches,
                                               const Structure& structure,
                                               const Pose& structure_from_sensor);
 
-/// The centroid of a half-hidden side is not that of the side. Solves again with keypoints of what
-/// the pose shows, over the patches that agree with the pose within `max_distance_m`. Nothing if
-/// these fix no pose.
+/// Solves the pose again with VisibleKeypoints, because the centroid of a half-hidden side is not
+/// that of the side. It uses the patches that agree with the pose within `max_distance_m`. Nothing
+/// if these fix no pose.
 std::optional<Pose> CorrectForVisibility(const SensorView& view,
                                          const std::vector<SidePatch>& patches,
                                          const Structure& structure, double max_distance_m,
