@@ -32,8 +32,8 @@ bool Overlap(const Box& a, const Box& b, int axis) {
          HalfExtent(a)[axis] + HalfExtent(b)[axis] - kSamePlace;
 }
 
-/// The middle of what the footprints of all boxes share, or of the boxes' middles where they share
-/// nothing.
+/// The middle of the area that all footprints share, or of the boxes' middles where they share
+/// none.
 Eigen::Vector3d ColumnOf(const std::vector<Box>& boxes) {
   Eigen::Vector3d low = Eigen::Vector3d::Constant(-kFar), high = Eigen::Vector3d::Constant(kFar);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -59,7 +59,7 @@ Box QuarterTurned(Box box, const Eigen::Vector3d& about) {
   return box;
 }
 
-/// Puts each box, in the order of their heights, on the highest one under it or on the floor.
+/// Puts each box, in the order of heights, on the highest one under it or on the floor.
 std::vector<Box> Settled(std::vector<Box> boxes, double floor) {
   std::vector<std::size_t> order(boxes.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
@@ -99,7 +99,7 @@ struct Stack {
   const Structure& structure;
   std::vector<Box> boxes;
   Eigen::Vector3d column;
-  /// Do the boxes rest on each other? A stack that holds together in another way keeps its heights.
+  /// Do the boxes rest on each other? Else the stack keeps its heights.
   bool settles = false;
 };
 
@@ -176,7 +176,7 @@ std::vector<Arrangement> Laid(const Stack& stack) {
     const Eigen::Vector3d& size = stack.boxes[i].size;
     for (const auto& [x, y, z] :
          {std::tuple(0, 2, 1), std::tuple(1, 2, 0), std::tuple(1, 0, 2), std::tuple(2, 0, 1)}) {
-      // What it stands on and what stands on it are settled about it.
+      // The boxes under it and on it are settled about it.
       std::vector<Box> boxes = stack.boxes;
       boxes[i].size = {size[x], size[y], size[z]};
       boxes[i].structure_from_box.translation().y() += (size[y] - size.y()) / 2;

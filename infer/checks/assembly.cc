@@ -19,9 +19,9 @@ namespace volalign {
 
 namespace {
 
-/// Views that are asked about every arrangement; the others are asked about the best of them.
+/// Views in which every arrangement is searched for; the others get the best arrangements alone.
 constexpr std::size_t kAskedFirst = 3;
-/// m: how far boxes are sought beside their places and above or below them, and in which steps.
+/// m: how far boxes are searched for beside their places, above and below them, and the step.
 constexpr double kFarthestBeside = 0.25, kFarthestUp = 0.6, kSeekStep = kFarthestOff / 2;
 
 using Indices = std::vector<std::size_t>;
@@ -29,27 +29,27 @@ using Fit = std::optional<GeometricPose>;
 
 double Support(const Fit& fit) { return fit ? std::max(0.0, fit->shape.LogOdds()) : 0; }
 
-/// An arrangement, and where the views that were asked show it best.
+/// An arrangement, and where the views show it best.
 struct Hypothesis {
   Arrangement arrangement;
   std::vector<Fit> fits;  // of each view
-  bool sought = false;    // some of its boxes are where the views show most of them
+  bool sought = false;    // some boxes were moved to where the views show most of them
 
   double LogOdds() const {
     double sum = 0;
     for (const Fit& fit : fits) sum += Support(fit);
     return sum;
   }
-  /// What was sought suits the views better by itself.
+  /// A moved box suits the views better by itself.
   double Worth() const { return LogOdds() - (sought ? std::log(kDecisiveOdds) : 0); }
   double Gain() const {
     double sum = 0;
     for (const Fit& fit : fits) sum += fit ? std::max(0.0, fit->shape.Gain()) : 0;
     return sum;
   }
-  /// What a search orders hypotheses by.
   double Rank() const { return LogOdds() + Gain(); }
-  /// Of what is measured where the boxes are; a view without their shape explains nothing.
+  /// Share of the points where the boxes are that lie on them; a view without their shape explains
+  /// none.
   double Share() const {
     double explained = 0, measured = 0;
     for (const Fit& fit : fits) {
@@ -77,7 +77,7 @@ class Inspection {
     });
   }
 
-  /// The one described first, then those that explain most.
+  /// The described one first, then those that explain most.
   std::vector<Hypothesis> Try() const {
     std::vector<Hypothesis> all;
     for (Arrangement& arrangement : Arrangements(structure_))
@@ -86,7 +86,7 @@ class Inspection {
     all.erase(all.begin());
     Ask(All(), &tried);
 
-    // Those views first that show most of the boxes, in whichever order.
+    // Views that show most of the boxes, in whichever order, come first.
     Indices views = All();
     const auto explained = [&](std::size_t i) {
       const Fit& fit = tried.front().fits[i];
@@ -108,7 +108,7 @@ class Inspection {
     for (Hypothesis& raised : Raised(Indices(views.begin(), rest)))
       moved.push_back(std::move(raised));
     for (const Hypothesis& each : all) {
-      if (each.arrangement.turn_deg == 180) continue;  // beside its place, that is displaced
+      if (each.arrangement.turn_deg == 180) continue;  // a place beside is among the displaced
       Hypothesis aside = each;
       for (const std::size_t box : each.arrangement.moved) MoveAside(box, &aside);
       moved.push_back(std::move(aside));
@@ -139,8 +139,8 @@ class Inspection {
     });
   }
 
-  /// Poses by the boxes of a structure that are where it has them; by all, where one that is not
-  /// stands on the floor.
+  /// Poses by the boxes that are not `moved`; by all boxes, if a moved one carries the stack on the
+  /// floor.
   std::vector<Fit> PosesWithout(const Structure& structure, const Indices& moved) const {
     std::vector<Box> boxes;
     for (std::size_t i = 0; i < structure.boxes().size(); ++i) {
@@ -156,7 +156,7 @@ class Inspection {
     return poses;
   }
 
-  /// Where, beside their places, the views show most of boxes that stand elsewhere.
+  /// The offset from their places, m, at which the views show most of boxes that stand elsewhere.
   Eigen::Vector3d Seek(const Structure& structure, const Indices& moved,
                        const std::vector<Fit>& poses) const {
     const auto gain_at = [&](const Eigen::Vector3d& offset) {
@@ -189,7 +189,7 @@ class Inspection {
     return best;
   }
 
-  /// Each box, alone and with what stands on it, beside its place.
+  /// Each box, alone and with the boxes on it, beside its place.
   std::vector<Hypothesis> Displaced() const {
     std::vector<Hypothesis> displaced;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
@@ -210,7 +210,7 @@ class Inspection {
         {volalign::Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true});
   }
 
-  /// Each box, with what stands on it, above or below its place, where these views show most.
+  /// Each box, with the boxes on it, above or below its place, where `views` show most.
   std::vector<Hypothesis> Raised(const Indices& views) const {
     std::vector<Hypothesis> raised;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
@@ -257,9 +257,9 @@ class Inspection {
   std::vector<std::optional<SurfaceInRoom>> views_;
 };
 
-/// The arrangement of the best hypothesis, whose sentence also names those that are as probable but
-/// for `margin`: a stack without its highest box may be the one without its lowest, seen from the
-/// next side.
+/// The arrangement of the best hypothesis. Its sentence also names those that are as probable to
+/// within `margin`. A stack without its highest box may be the one without its lowest, seen from
+/// the next side.
 Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& best,
                        double margin) {
   Arrangement result = best.arrangement;
@@ -267,7 +267,7 @@ Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& b
   for (std::size_t k = 1; k < tried.size(); ++k) {
     const Arrangement& other = tried[k].arrangement;
     if (tried[k].Worth() < best.Worth() - margin || named.size() == kAskedFirst) continue;
-    // A quarter turn and three of them, each with the box a little beside, are one.
+    // One and three quarter turns, each with the box a little beside, are one.
     const bool known = std::any_of(named.begin(), named.end(), [&](const Arrangement* each) {
       return each->sentence == other.sentence ||
              (each->box == other.box && each->turn_deg % 180 == 90 && other.turn_deg % 180 == 90);
@@ -279,8 +279,8 @@ Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& b
   return result;
 }
 
-/// Of each view, for how much more than the stack as described its mirror image speaks; and of all,
-/// the log odds where those of the views that it explains are mirrored.
+/// The views that the mirror image explains better than the described stack, and the log odds of
+/// all views if these are mirrored.
 struct MirrorImages {
   Indices frames;
   double log_odds = 0;
@@ -316,7 +316,7 @@ AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
   auto most_probable = std::max_element(
       tried.begin(), tried.end(),
       [](const Hypothesis& a, const Hypothesis& b) { return a.Worth() < b.Worth(); });
-  // Of two that are as probable, the mirror image: one slip explains all frames.
+  // The mirror image comes before others that are as probable: one slip explains all frames.
   const double enough = most_probable->Worth() - decides;
   const auto mirror_image = std::find_if(tried.begin(), tried.end(), [&](const Hypothesis& each) {
     return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;

@@ -29,31 +29,32 @@ struct AssemblyOptions {
   }
 };
 
-/// How the stack stands, as far as the sensors tell.
+/// How the stack stands, as far as the sensors show it.
 struct AssemblyReport {
-  Arrangement arrangement;           ///< code kNone: nothing speaks for another one
-  double described_share = 0;        ///< of what is measured where the described boxes are, they
-  double share = 0;                  ///< the same of `arrangement`
+  Arrangement arrangement;  ///< code kNone: as described, or not known
+  double described_share =
+      0;             ///< share of the points where the described boxes are that lie on them
+  double share = 0;  ///< the same of `arrangement`
   std::vector<std::size_t> seen_by;  ///< indices of the views that have the arrangement's shape
-  /// Indices of the views that alone are mirrored: others see the stack as described.
+  /// Indices of the views that are mirrored, while others show the stack as described.
   std::vector<std::size_t> mirrored_frames;
 
   bool altered() const { return arrangement.code != SensorCode::kNone; }
 };
 
-/// Does another arrangement explain the views more probably than the one described? Each is
-/// searched for in every view by its shape alone (FindBestOnFloors). An arrangement is worth the
-/// sum of the log odds (ViewFit::LogOdds) of the views that have its shape. The best one has to be
-/// more probable than the described one by kDecisiveOdds for each that was tried, and to be seen by
-/// as many views. Beside Arrangements, each box is sought beside its place and, with what stands on
-/// it, beside it, above and below it, and all of them on another box. The sentence names others
-/// that are about as probable.
+/// Does another arrangement explain the views more probably than the described one? Each is
+/// searched for in every view by its shape alone (FindBestOnFloors). Its worth is the sum of the
+/// log odds (ViewFit::LogOdds) of the views that have its shape. The best one has to be more
+/// probable than the described one by kDecisiveOdds times the number of arrangements. As many views
+/// have to show it. Beside Arrangements, each box is searched for beside its place. With the boxes
+/// on it, it is searched for beside, above and below its place, and all boxes on another one. The
+/// sentence names others that are about as probable.
 ///
-/// Where the mirror image explains some views so, others show the stack as described, and no single
-/// arrangement explains them all as well, those frames are mirrored; each frame beyond the first
+/// Single frames are mirrored if the mirror image explains them, others show the stack as
+/// described, and no one arrangement explains them all as well. Each such frame beyond the first
 /// has to be worth another kDecisiveOdds.
 ///
-/// Views that are null, or show no floor, are not asked. Takes some 10 s on one processor, so it is
+/// Views that are null, or show no floor, do not count. Takes some 10 s on one processor, so it is
 /// for stacks that were not found.
 AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
                                const Structure& structure, int threads);

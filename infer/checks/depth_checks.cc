@@ -17,10 +17,10 @@ namespace {
 
 constexpr double kLeastValid = 0.01;  // share of pixels with depth
 constexpr double kMostMedian = 10;    // m, of a frame in a room
-/// m: one pixel in twenty has to be farther, since nearer than that no sensor sees a structure.
+/// m: one pixel in twenty has to be farther, since no sensor sees a structure from nearer.
 constexpr double kLeastFar = 0.9;
 
-/// m: a depth of a structure in a room.
+/// m: bounds of a structure's depth in a room.
 constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
 constexpr double kFarQuantile = 1 - kNotable;
 
@@ -31,14 +31,13 @@ std::vector<float> MeasuredDepths(const DepthImage& depth) {
   return values;
 }
 
-/// In metres, as a person writes them.
 std::string Metres(double depth) {
   return fmt::format(depth < 10 ? "{:.3g} m" : "{:.0f} m", depth);
 }
 
 std::string Times(double factor) { return fmt::format(factor < 10 ? "{:.1f}" : "{:.0f}", factor); }
 
-/// Of depths that no room gives.
+/// A finding about depths that no room gives; else nothing.
 std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double depth_scale) {
   const double median = Quantile(depths, 0.5), far = Quantile(depths, kFarQuantile);
   const bool beyond = median > kMostMedian;

@@ -12,7 +12,7 @@ namespace volalign {
 
 namespace {
 
-/// Share of a border's length along which labels have to reach it for it to cut the structure off.
+/// Share of a border's length that labels have to reach if it cuts the structure off.
 constexpr double kCutShare = 0.1;
 
 /// Borders of the stored image (0 left, 1 top, 2 right, 3 bottom) that labels reach.

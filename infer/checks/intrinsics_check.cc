@@ -16,12 +16,12 @@ namespace {
 /// Focal lengths are tried in equal ratios, so many each way, up to this factor.
 constexpr int kFocalSteps = 5;
 constexpr double kMaxFocalFactor = 1.4;
-/// Other intrinsics are believed from this agreement of labels and depth with the structure on,
-/// which has to exceed that with those given by so much, and are worth a word from this relative
-/// change of the focal length, or of the principal point in focal lengths, on.
+/// Other intrinsics count if labels and depth agree with the structure by at least the first, and
+/// by the second more than with those given. The third is the least relative change of the focal
+/// length, or change of the principal point in focal lengths.
 constexpr double kLeastScore = 0.8, kLeastGain = 0.08, kLeastChange = 0.05;
 
-/// What scores intrinsics: a frame, its labels decimated.
+/// A frame that scores intrinsics, with its labels decimated.
 struct LabelledDepth {
   const SensorView& view;
   int stride = 1;
@@ -42,8 +42,8 @@ Intrinsics WithFocalFactor(Intrinsics intrinsics, double factor) {
   return intrinsics;
 }
 
-/// Where the parabola through three values at -1, 0 and 1, of which the middle one is the largest,
-/// has its peak.
+/// Place of the peak of the parabola through three values at -1, 0 and 1; the middle one is the
+/// largest.
 double ParabolaPeak(double before, double middle, double after) {
   const double bend = before - 2 * middle + after;
   return bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0;

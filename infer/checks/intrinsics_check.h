@@ -20,11 +20,10 @@ struct BetterIntrinsics {
   double size = 0;
 };
 
-/// Of the view's depths, which err as it says. Tries focal lengths from 1 / 1.4 to 1.4 times those
-/// given, the principal point with its coordinates exchanged, and the principal point in the
-/// image's middle, each with a new initial pose on about kCoarseRays rays. Nothing unless the best
-/// of them fits clearly better. Costs some 15 initial poses, so it is for frames that
-/// fit badly.
+/// Tries focal lengths from 1 / 1.4 to 1.4 times those given, and the principal point with its
+/// coordinates exchanged or in the image's middle. Each gets a new initial pose on about
+/// kCoarseRays rays, with the view's depths and their errors. Nothing unless the best of them fits
+/// clearly better. It costs some 15 initial poses, so it is for frames that fit badly.
 std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const Intrinsics& given,
                                                      const SegmentationResult& segmentation,

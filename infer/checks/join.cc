@@ -11,11 +11,11 @@ namespace volalign {
 
 namespace {
 
-/// Within these two poses of one sensor from two stills are the same: each is by a single view, and
-/// a placement turns the error of one sensor's direction into another's place.
+/// Two poses of one sensor from two captures are the same within these. Each is by a single view,
+/// and a placement turns the error of one sensor's direction into another's place.
 constexpr double kSamePosition = 0.2;   // m
 constexpr double kSameOrientation = 6;  // deg
-constexpr double kOpenToDoubt = 0.5;    // weight of a pose that is not the only one
+constexpr double kOpenToDoubt = 0.5;    // weight of a pose that is ambiguous or by neighbours
 
 /// A located frame.
 struct Sighting {
@@ -25,7 +25,7 @@ struct Sighting {
   double weight = 1;
 };
 
-/// Where a sensor stands, by one still.
+/// A sensor's pose by one capture.
 struct Estimate {
   Pose first_from_sensor = Pose::Identity();
   double weight = 1;
@@ -50,8 +50,7 @@ std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>
   return all;
 }
 
-/// What speaks for a still standing at a placement: the sensors that then stand where they are
-/// known to.
+/// The weight of the sensors that stand where they are known to if the stack stood at `placement`.
 double Support(const std::vector<Sighting>& sightings, std::size_t still, const Pose& placement,
                const Estimates& stands) {
   double support = 0;
@@ -74,7 +73,7 @@ struct Found {
   double support = 0;
 };
 
-/// Of the stills that are not yet joined, the one for whose place most speaks.
+/// The capture, not yet joined, whose place has the most support.
 std::optional<Found> FindNext(const std::vector<Sighting>& sightings,
                               const std::vector<char>& joined, const Estimates& stands) {
   std::optional<Found> best;
@@ -90,7 +89,7 @@ std::optional<Found> FindNext(const std::vector<Sighting>& sightings,
   return best;
 }
 
-/// The stand of a sensor that most of its stills agree on.
+/// The pose of a sensor that most of its captures agree on.
 const Estimate& MostAgreed(const std::vector<Estimate>& stands) {
   const Estimate* best = &stands.front();
   double most = -1;

@@ -8,18 +8,18 @@
 
 namespace volalign {
 
-/// Where the stack stood in each still.
+/// Where the stack stood in each capture.
 struct Stood {
-  std::vector<Pose> first_from_stack;  ///< of each still, the first the identity
-  SomeFrames<Finding> contradicted;    ///< located frames that contradict it
+  std::vector<Pose> first_from_stack;  ///< for each capture; the first is the identity
+  SomeFrames<Finding> contradicted;    ///< located frames that contradict these poses
 };
 
-/// Finds out where the stack stood in each still, approximately, by the sensors that are located
-/// in several. A sensor stands in one place in all stills: most sensors of a still, weighed by how
-/// well they fit to the stack, decide where the stack stood, and most stills of a sensor where it
-/// stands. A frame that says otherwise contradicts that (disagrees), as does one of a still that no
-/// chain of sensors joins to the first (unconnected; its stack is taken to stand where it first
-/// did).
+/// Finds approximately where the stack stood in each capture, by the sensors that are located in
+/// several. A sensor stands in one place in all captures. Most sensors of a capture decide where
+/// the stack stood, and most captures of a sensor where the sensor stands. A doubtful pose counts
+/// half. A frame that says otherwise contradicts that (disagrees). So does a frame of a capture
+/// that no chain of sensors joins to the first (unconnected). Its stack is assumed to stand where
+/// it first did.
 Stood JoinStills(const Seen& seen, const PerFrame<LocateResult>& results);
 
 }  // namespace volalign

@@ -9,15 +9,15 @@ namespace volalign {
 
 namespace {
 
-/// A lens is suspect that differs from the one that makes large planes flat by so many standard
-/// deviations, and bends them by so much, m.
+/// A lens is suspect if it differs by so many standard deviations from one that makes large planes
+/// flat, and bends them by so much, m.
 constexpr double kBentSigmas = 4, kLeastBend = 0.008;
-/// Standard deviations of its prior by which a focal length may come out other than given: one in
-/// 80 that is as the prior has it exceeds them.
+/// Most standard deviations of its prior by which a focal length may differ: one in 80 right ones
+/// exceeds them.
 constexpr double kMostFocalSigmas = 2.5;
 
-/// The change that planes ask for beyond what a lens has, where its prior is put aside, and by how
-/// many standard deviations (those of its prior included) k1 and k2 are off.
+/// The further change that makes planes flat if the lens's prior is left out. `sigmas`: by how many
+/// standard deviations, those of the prior included, k1 and k2 are off.
 struct Excess {
   LensChange change = LensChange::Zero();
   double sigmas = 0;
@@ -43,7 +43,7 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
     const Excess excess =
         ExcessOf(Straightness({planes[id]}).EvidenceAt({lenses.assumed[id]}, lens.change), lens);
     const double bend = LargestBend(planes[id], excess.change);
-    // Before the focal length, which a lens that is left out moves along.
+    // This comes before the focal length, which also changes where distortion is left out.
     if (excess.sigmas > kBentSigmas && bend > kLeastBend) {
       return Finding{
           SensorCode::kLensSuspect,
@@ -56,7 +56,7 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                     : "give the lens's distortion in the capture, or have it estimated "
                       "(--estimate auto)"};
     }
-    // Beyond what a kind varies from what is given, or one sensor from others of it.
+    // The focal length may be off that of other sensors of its kind, or off the given one.
     const double own = lenses.own_focal[id];
     const bool alone =
         lens.own_focal_sigma > 0 && std::abs(own) > kMostFocalSigmas * lens.own_focal_sigma;

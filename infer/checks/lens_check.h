@@ -9,10 +9,10 @@
 
 namespace volalign {
 
-/// Do large planes look bent through the lenses as they are, more than their priors allow? Then
-/// poses that rest on them are off by more than their standard deviations say. `planes`: at the
-/// lenses' changes. `estimated`: that is what the lenses' changes
-/// were allowed to be. A lens whose focal length is far from the one given is suspect too.
+/// Do large planes look bent through the lenses by more than their priors allow? Poses that rest on
+/// such planes are off by more than their standard deviations say. `planes`: through the lenses as
+/// changed. `estimated`: lenses were estimated, which decides the hint. A lens whose focal length
+/// is far from the one given is suspect too.
 PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& planes,
                                              const LensSet& lenses, bool estimated);
 

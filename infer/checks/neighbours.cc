@@ -26,10 +26,10 @@ constexpr double kMostSigmaDeg = 2;
 constexpr double kReach = 0.6, kStep = 0.1;  // m, of the search along an open direction
 /// Share of the largest eigenvalue of the sides' normals below which a direction is open.
 constexpr double kOpen = 0.05;
-constexpr std::size_t kMostSides = 2;  // from each of which a pose is made
-constexpr double kUpright = 0.5;       // cosine: flatter sides do not tell the sensor's turn
+constexpr std::size_t kMostSides = 2;  // each gives a start
+constexpr double kUpright = 0.5;       // cosine: flatter sides do not fix the sensor's turn
 
-/// A located frame of the same still.
+/// A located frame of the same capture.
 struct Neighbour {
   FrameId id;
   const std::string* name;
@@ -37,7 +37,7 @@ struct Neighbour {
   FrameInput sensor;
 };
 
-/// The frame that is to be located.
+/// The frame to be located.
 struct Lost {
   const SensorView& view;
   const Labelled& labelled;
@@ -46,7 +46,7 @@ struct Lost {
   int lens;  // its own, of these
 };
 
-/// Of `probes` points of a sensor at a pose: how many lie on what a neighbour measured, to kStep.
+/// How many of `probes` points of a sensor at a pose lie on a neighbour's points, to kStep.
 int CountShared(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
                 std::size_t probes) {
   int shared = 0;
@@ -66,7 +66,7 @@ int CountShared(const Lost& lost, const std::vector<Neighbour>& neighbours, cons
   return shared;
 }
 
-/// Of a sensor at a pose, by what its neighbours measured beside the structure: LogOddsOfPairs.
+/// LogOddsOfPairs of a sensor at a pose, by its neighbours' points beside the structure.
 double LogOddsBeside(const Lost& lost, const std::vector<Neighbour>& neighbours, const Pose& pose,
                      const Structure& structure) {
   const MeasuredView own(lost.view, structure, {pose});
@@ -80,7 +80,7 @@ double LogOddsBeside(const Lost& lost, const std::vector<Neighbour>& neighbours,
   return LogOddsOfPairs(all);
 }
 
-/// The structure's vertical in the frames of sensors, which are mounted alike.
+/// The structure's vertical in the sensors' frames, which are mounted alike.
 Eigen::Vector3d UpOf(const std::vector<Neighbour>& neighbours) {
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
   for (const Neighbour& neighbour : neighbours)
@@ -88,7 +88,8 @@ Eigen::Vector3d UpOf(const std::vector<Neighbour>& neighbours) {
   return up;
 }
 
-/// Columns: a unit normal, the vertical as far as it is square to it, and what is square to both.
+/// Columns: a unit normal, the part of the vertical at a right angle to it, and their cross
+/// product.
 Eigen::Matrix3d FrameOf(const Eigen::Vector3d& normal, const Eigen::Vector3d& up) {
   Eigen::Matrix3d frame;
   frame.col(0) = normal;
@@ -117,7 +118,7 @@ std::vector<Pose> StartPoses(const Lost& lost, const std::vector<Neighbour>& nei
   return starts;
 }
 
-/// Directions, structure frame, that the sides that were found leave open.
+/// Directions, structure frame, that the found sides leave open.
 std::vector<Eigen::Vector3d> OpenDirections(const std::vector<SidePatch>& sides,
                                             const Structure& structure) {
   Eigen::Matrix3d normals = Eigen::Matrix3d::Zero();
@@ -178,8 +179,8 @@ struct Refined {
   double sigma_position_m = 0;  // LargestSigmaPosition
 };
 
-/// Nothing where it does not meet all conditions. What its neighbours measured is all that vouches
-/// for its pose, so that this has to speak for it.
+/// Nothing where it does not meet all conditions. Its neighbours' points alone support its pose, so
+/// they have to speak for it.
 std::optional<Refined> RefineWith(const Lost& lost, const std::vector<Neighbour>& neighbours,
                                   const Pose& start, const Structure& structure,
                                   const LocateOptions& options) {
@@ -220,7 +221,7 @@ std::optional<Refined> FindPose(const Lost& lost, const std::vector<Neighbour>& 
   return found;
 }
 
-/// Those that share something with it at the pose, the one with most first.
+/// Neighbours that share points with it at the pose, the one with most first.
 std::vector<FrameId> RestsOn(const Lost& lost, const std::vector<Neighbour>& neighbours,
                              const Pose& pose) {
   std::vector<std::pair<int, FrameId>> shared;
@@ -234,7 +235,7 @@ std::vector<FrameId> RestsOn(const Lost& lost, const std::vector<Neighbour>& nei
   return ids;
 }
 
-/// The names of those that are ambiguous.
+/// The names of the ambiguous ones.
 std::string InDoubt(const Seen& seen, const std::vector<FrameId>& ids) {
   std::string names;
   for (const FrameId id : ids) {
@@ -251,7 +252,7 @@ std::string NamesOf(const std::vector<Neighbour>& neighbours) {
   return names;
 }
 
-/// Of one still. Its frames are refined where its stack stands.
+/// Located frames of one capture, refined in the frame of its stack.
 std::vector<Neighbour> NeighboursIn(const Seen& seen, std::size_t still,
                                     const SomeFrames<FrameInput>& located) {
   std::vector<Neighbour> neighbours;

@@ -31,8 +31,8 @@ enum class SensorCode {
   kIntrinsicsSuspect,
   kDisagrees,
   kAmbiguous,
-  kNotFinite,  ///< numbers that no solver should leave
-  // Weak: the sensor has a pose that is to be used with care.
+  kNotFinite,  ///< the solver left numbers that are not finite
+  // Weak: the sensor has a pose to be used with care.
   kUnsolved,
   kUnsettled,
   kSamePose,
@@ -44,11 +44,11 @@ enum class SensorCode {
   kUncertain,
   kTypicalIntrinsics
 };
-/// As files and reports have it: "no_depth", "assembly_mirrored", ...; "" for kNone.
+/// The word in files and reports: "no_depth", "assembly_mirrored", ...; "" for kNone.
 const char* ToString(SensorCode code);
 std::vector<SensorCode> AllOf(SensorCode);
 
-/// Why a sensor has no pose, or what to be wary of in one that has.
+/// Why a sensor has no pose, or a reason to doubt its pose.
 struct Finding {
   SensorCode code = SensorCode::kNone;
   std::string reason;  ///< a sentence

@@ -20,7 +20,7 @@ namespace {
 /// Agreement of many sides with the structure below which other intrinsics are tried.
 constexpr double kSuspiciousScore = 0.85;
 
-/// Where many sides fit the structure badly: would they fit it with other intrinsics?
+/// Other intrinsics with which many sides that fit the structure badly would fit it.
 std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
                                                 const Intrinsics& intrinsics,
                                                 const Labelled& labelled,
@@ -37,7 +37,7 @@ struct OwnPose {
   double sigma_position_m = 0;  // LargestSigmaPosition
 };
 
-/// The sensor's pose from its own view, everything that may be estimated being free.
+/// The sensor's pose from its own view, with all quantities free that may be estimated.
 OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
                     const Pose& start, const RefineOptions& options) {
   RefineSetup alone(options);
@@ -91,8 +91,8 @@ Finding UpUnknown(const Labelled& labelled) {
       "its quarter_turns"};
 }
 
-/// The own pose, refined once with the frame's labels and again with those that it then implies: a
-/// network's, or those of the pose that geometry has found, end where they like.
+/// The own pose, refined first with the frame's labels and then with those that it implies. The
+/// first labels do not end exactly at the sides' borders.
 OwnPose RefineTwice(const Seen& seen, FrameId id, const LocateOptions& options) {
   const Labelled& labelled = seen.labelled[id];
   const InitialPose& initial = labelled.initial;
@@ -136,8 +136,7 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   return located;
 }
 
-/// Tells frames of a still that see too few sides where to move the sensor, which takes the others'
-/// orientation.
+/// Adds where to move sensors that see too few sides, with the orientation of the others.
 void GiveMoveHints(const std::vector<Labelled>& labelled, std::vector<LocateResult>* results) {
   std::vector<std::pair<Pose, int>> located;
   for (std::size_t i = 0; i < labelled.size(); ++i) {

@@ -21,7 +21,7 @@
 
 namespace volalign {
 
-/// What every frame shows by itself, seen through its lens.
+/// Everything that the frames show one by one, seen through their lenses.
 struct Seen {
   const CaptureSet* capture = nullptr;  ///< has to outlive this
   LensSet lenses;
@@ -31,17 +31,17 @@ struct Seen {
   PerFrame<SampledCloud> clouds;  ///< SampleCloud of each view; needed from LocateAlone on
 };
 
-/// A frame whose own view fixes its pose, or that view together with its neighbours'.
+/// A frame whose pose its own view fixes, alone or together with its neighbours' views.
 struct LocatedFrame {
   Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   std::shared_ptr<const SensorPoints> points;  ///< labelled by the own pose
   std::optional<Finding> suspect_intrinsics;   ///< other intrinsics fit clearly better
-  /// ShapeLogOdds, where geometry alone has found the pose.
+  /// ShapeLogOdds, if geometry alone has found the pose.
   std::optional<double> shape_log_odds;
   std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
-  std::vector<FrameId> rests_on;  ///< those neighbours, the one that it shares most with first
+  std::vector<FrameId> rests_on;         ///< those neighbours; it shares most points with the first
 
-  /// What stands as the frame's initial pose: one that its own view leaves open is none.
+  /// The frame's initial pose; own_pose where its own view leaves the initial pose open.
   const Pose& InitialPoseOf(const InitialPose& initial) const {
     return by_neighbours ? own_pose : initial.structure_from_sensor;
   }
@@ -57,8 +57,8 @@ struct LocateOptions {
   int threads = 1;
 };
 
-/// Points of a frame for the refinement, with these labels or with those that a pose of the frame
-/// gives them, the structure being as it is here.
+/// Points of a frame for the refinement. PointsOf uses these labels, PointsAt those that
+/// `structure` has at `pose`.
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
                                              const LocateOptions& options);
@@ -66,17 +66,17 @@ std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,
                                              const LocateOptions& options);
 
-/// How the stack is built, by each still, its frames being the views; nothing where that was not
-/// asked.
+/// How the stack is built, for each capture, with its frames as views. Nothing if that was not
+/// examined.
 using StackFinding = std::vector<std::optional<AssemblyReport>>;
 
-/// Refines each frame alone and decides, by what its view then explains, whether it sees the
-/// structure. Where the stack is built otherwise than described, no frame is located, nor is one
-/// that is mirrored.
+/// Refines each frame alone and decides by its explained view whether it shows the structure. If
+/// the stack is built otherwise than described, no frame is located. A mirrored frame is not
+/// located either.
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options);
 
-/// The located frames as the joint refinement takes them, from their own poses on.
+/// The located frames as input of the joint refinement, which begins at their own poses.
 SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results);
 
 }  // namespace volalign

@@ -16,37 +16,37 @@ namespace volalign {
 /// Point-to-surface residuals of the pixels with a side label and depth.
 struct SurfaceFit {
   int points = 0;
-  double rms_m = 0;         ///< over those within 10 cm of the structure
-  double inlier_share = 0;  ///< on it: SurfaceTolerance::AtPose
+  double rms_m = 0;         ///< of the points within 10 cm of the structure
+  double inlier_share = 0;  ///< share on the structure, by SurfaceTolerance::AtPose
 };
 SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
                         const Structure& structure, const Pose& structure_from_sensor);
 
 /// How well a pose explains a frame.
 struct PoseQuality {
-  std::vector<std::string> sides;  ///< found, and most of their pixels on them
+  std::vector<std::string> sides;  ///< names of the ConfirmedLabels
   // SurfaceFit.
   int points = 0;
   double rms_to_structure_m = 0;
   double inlier_share = 0;
   double miou = 0;             ///< predicted labels against those rendered at the pose
   double label_iou = 0;        ///< Agreement::score
-  double explained_share = 0;  ///< of the pixels expected on the structure, whose depth matches
+  double explained_share = 0;  ///< Agreement::explained_share
 };
 
-/// Of a pose of `structure`. `view`: with corrected depths. `patches`: patches of the view's
-/// sides. Only labels with `min_confidence` count for label_iou.
+/// Measures a pose of `structure`. `view`: with corrected depths. `patches`: of the view's sides.
+/// Only labels with `min_confidence` count for label_iou.
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
                            const std::vector<SidePatch>& patches, const Structure& structure,
                            const Pose& structure_from_sensor, double min_confidence);
 
-/// Labels of the patches of which most pixels lie on their side, ascending.
+/// Labels of the patches that have at least half of their pixels on their side, ascending.
 std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,
                                  const Structure& structure, const Pose& structure_from_sensor);
 
-/// d1 and d2 of the paper (section "Results"), of the points within 10 cm of the structure: to its
-/// surface, and for d2 from its exposed surface, sampled at 1 cm. Nothing where no point is near.
-/// `points`: structure frame, m.
+/// The paper's d1 and d2 (section "Results"), m, of the points within 10 cm of the structure. The
+/// first is their distance to the surface. The second is the larger of it and the distance from the
+/// exposed surface, sampled at 1 cm. Nothing if no point is near. `points`: structure frame, m.
 std::optional<SetDistances> CompareWithSurface(const std::vector<Eigen::Vector3d>& points,
                                                const Structure& structure, int threads = 1);
 

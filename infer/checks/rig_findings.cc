@@ -32,7 +32,7 @@ constexpr Words<RigCode, 7> kRigCodes = {{
 
 using Kind = RefinedQuantity::Kind;
 
-/// What a person calls a kind of quantity, and how to look for the cause.
+/// The name of a kind of quantity for a person, and how to find the cause.
 struct Meaning {
   RigCode code;
   const char* name;  ///< "{}" is the name of the box or of the sensor
@@ -78,14 +78,14 @@ std::string DescribeEdge(const RefinedEdge& edge, const Structure& structure) {
       edge.change > 0 ? "more" : "less", 1000 * edge.sigma);
 }
 
-/// Does it explain more than that all boxes are of another size, and is it no error of a tape?
+/// Does it explain the frames better than another size of all boxes, and is it more than an error
+/// of a tape?
 bool IsLikely(const RefinedEdge& edge) {
   return edge.log_odds > std::log(kDecisiveOdds) &&
          std::abs(edge.change) > std::max(kSamePlace / 2, kClearly * edge.sigma);
 }
 
-/// Where frames contradict each other, or all boxes have another size: a single box that explains
-/// it.
+/// A single box that explains why frames contradict each other or all boxes have another size.
 RigFinding ExplainByBox(const RefinedEdge& edge, const Structure& structure) {
   const Box& box = structure.boxes()[static_cast<std::size_t>(edge.box)];
   std::string hint =
@@ -184,7 +184,7 @@ std::vector<RigFinding> FindCoveredSides(
 
 namespace {
 
-/// Of a sensor each of whose pairs is apart, as against all pairs without it.
+/// A finding about a sensor if each of its pairs is apart, as compared with all pairs without it.
 std::optional<RigFinding> FindApart(const RefineResult& refined, int sensor,
                                     const std::string& name) {
   std::vector<double> own, others;  // distances over their predictions

@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// What makes a whole calibration doubtful, whichever sensor shows it.
+/// Causes that make a whole calibration doubtful, whichever sensor shows them.
 enum class RigCode {
   kSizeOff,          ///< all boxes are larger or smaller than described
   kBoxOff,           ///< one box is another than described, or stands elsewhere
@@ -20,8 +20,7 @@ enum class RigCode {
   kDepthScale,       ///< depths fit the structure in another unit
   kStructureAssumed  ///< no structure was given, and few sensors see the one that is assumed
 };
-/// As files and reports have it: "size_off", "box_off", "depth_off", "pair_apart",
-/// "files_exchanged", "depth_scale", "structure_assumed".
+/// The word in files and reports: "size_off", "box_off", and so on.
 const char* ToString(RigCode code);
 std::vector<RigCode> AllOf(RigCode);
 
@@ -32,20 +31,20 @@ struct RigFinding {
   std::string hint;                ///< what to do about it
 };
 
-/// Of each quantity that is more than kClearly off what was known of it before, and of the box that
-/// explains why the frames contradict each other. `sensors`: of the frames that were refined.
+/// Findings about each quantity that is more than kClearly off its prior, and about the box that
+/// explains why the frames contradict each other. `sensors`: names of the refined frames.
 std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
                                           const std::vector<std::string>& sensors,
                                           const Structure& structure);
 
-/// Of each side that two frames or more should show, and before most of which something nearer
-/// lies: perhaps a box that the structure does not have. `frames`: views with their
+/// Findings about sides that two frames or more should show but that something nearer hides for the
+/// most part. It may be a box that the structure does not have. `frames`: views with their
 /// structure_from_sensor.
 std::vector<RigFinding> FindCoveredSides(
     const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure);
 
-/// Of each two sensors whose points are farther apart than their errors let expect; and of each
-/// sensor whose points are farther apart from all others' than those are from each other.
+/// Findings about pairs of sensors whose points are farther apart than their errors predict.
+/// Sensors whose points are farther from all others' than those are from each other follow.
 std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
                                        const std::vector<std::string>& sensors);
 

@@ -12,7 +12,7 @@ namespace volalign {
 
 namespace {
 
-/// The causes between each two of the sensors, in independent cells.
+/// The causes between each two sensors, in independent cells.
 class Pairs {
  public:
   Pairs(const std::vector<const SensorView*>& views, const std::vector<Pose>& poses,
@@ -34,7 +34,7 @@ class Pairs {
 
   const CauseShares& Of(std::size_t i, std::size_t j) const { return causes_[i * size_ + j]; }
 
-  /// Of all pairs that a sensor has with those that are not `out`.
+  /// Log odds by all pairs of a sensor with those that are not `out`.
   double LogOdds(std::size_t i, const std::vector<char>& out) const {
     CauseShares sum = {};
     for (std::size_t j = 0; j < size_; ++j) {
@@ -44,7 +44,7 @@ class Pairs {
     return LogOddsOfPairs(sum);
   }
 
-  /// Do the others tell that of two sensors the first is the one elsewhere?
+  /// Do the others show that the first of two sensors, not the second, is elsewhere?
   bool Decide(std::size_t first, std::size_t second, std::vector<char> out) const {
     out[first] = out[second] = 1;
     return LogOdds(second, out) - LogOdds(first, out) > std::log(kModelOdds);

@@ -10,19 +10,19 @@
 
 namespace volalign {
 
-/// A sensor whose pose what it and the others measured beside the structure refutes.
+/// A sensor whose pose is refuted by points beside the structure, its own and the others'.
 struct SeenThrough {
   std::size_t other = 0;  ///< the sensor that shows it most clearly
-  /// Of what the two could have seen of each other's surfaces, the share that one sees through.
+  /// Share of the surfaces of each other that the two could have seen and that one sees through.
   double share = 0;
-  double log_odds = 0;  ///< natural logarithm, of its pose being right, by all its pairs
+  double log_odds = 0;  ///< natural logarithm, for its pose being right, by all its pairs
 };
 
-/// Of sensors at their final poses (structure from sensor; null views take no part): nothing where
-/// no pair of a sensor speaks against it with odds of `refuting_odds`. The sensor that most speaks
-/// against is taken out before the others are asked, so that one in a wrong place is named alone.
-/// Where the others do not tell it from the one that shows it most clearly, as of two sensors, both
-/// are named: either may be the one.
+/// Judges sensors at their final poses. There is a result if the pairs of a sensor speak against it
+/// with `refuting_odds`. The most doubtful sensor is taken out before the others are judged, so
+/// that a single wrong one is named alone. If the others do not tell it from the sensor that shows
+/// it most clearly, both are named, as of two sensors. `views`: null ones take no part. `poses`:
+/// structure from sensor.
 std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const SensorView*>& views,
                                                         const std::vector<Pose>& poses,
                                                         const Structure& structure,

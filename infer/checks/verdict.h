@@ -15,11 +15,11 @@
 
 namespace volalign {
 
-/// What a sensor has to show. Shares are of pixels that confirm or contradict the pose, so that
+/// Requirements on a sensor. Shares are of pixels that confirm or contradict the pose, so that
 /// neither a near nor a far sensor is favoured.
 struct VerdictOptions {
-  double max_sigma_position_m = 0.25;  ///< of the sensor's own pose, for it to be placed
-  // Of the reported pose, for the sensor to be ok.
+  double max_sigma_position_m = 0.25;  ///< for the own pose of a placed sensor
+  // For the reported pose of a sensor that is ok:
   double weak_inlier_share = 0.9;
   double weak_label_iou = 0.5;  ///< intersection over union of labels; not a key
   double weak_rms_m = kSamePlace;
@@ -56,20 +56,20 @@ struct VerdictOptions {
   }
 };
 
-/// What a sensor saw is not what others saw.
+/// A sensor's view contradicts other sensors.
 struct ContradictedSensors {
-  std::vector<std::string> names;  ///< those that show it, the clearest first
-  PoseError apart;                 ///< the pose that they would give it, from its own
+  std::vector<std::string> names;  ///< sensors that show it, the clearest first
+  PoseError apart;                 ///< their pose for it, compared with its own
 };
 
-/// What it and another sensor measured beside the structure refutes its pose.
+/// Points of a sensor and another one beside the structure refute the sensor's pose.
 struct RefutedByPair {
   std::string name;     ///< of the other sensor
   double share = 0;     ///< SeenThrough::share
   double log_odds = 0;  ///< SeenThrough::log_odds
 };
 
-/// What is known about a placed sensor when it is judged.
+/// Facts about a placed sensor, for its verdict.
 struct VerdictFacts {
   PoseQuality quality;                               ///< at the reported pose
   Pose structure_from_sensor = Pose::Identity();     ///< that pose
@@ -86,33 +86,33 @@ struct VerdictFacts {
   std::optional<RefutedByPair> seen_through;         ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
   std::optional<double> shape_log_odds;              ///< LocatedFrame::shape_log_odds
-  std::string unsettled;  ///< how the joint solution still moved it; or empty
+  std::string unsettled;                             ///< last moves of the joint solution, or empty
 };
 
-/// Of a natural logarithm: "3.2 : 1", "1 : 1.5"; from 1000 : 1 on "over 1000 : 1".
+/// Formats the natural logarithm of odds: "3.2 : 1", "1 : 1.5"; beyond 1000 : 1 "over 1000 : 1".
 std::string FormatOdds(double log_odds);
 
-/// Of a placed sensor: nothing if it is ok, or the first thing that makes it weak, the most
-/// telling first.
+/// The most telling weakness of a placed sensor; nothing if it is ok.
 std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOptions& options);
 
-/// Standard deviations per axis, from a covariance of [translation; rotation vector], m and deg.
+/// Standard deviations per axis, m and deg, of a covariance of [translation; rotation vector].
 /// SigmaTranslation is of a movement about the structure's origin.
 Eigen::Vector3d SigmaTranslation(const Matrix6d& covariance);
 Eigen::Vector3d SigmaRotationDeg(const Matrix6d& covariance);
 
-/// Covariance of the sensor's position, from that of delta in core/geometry/pose.h, PerturbLeft.
+/// Covariance of the sensor's position, m^2, from that of delta in PerturbLeft
+/// (core/geometry/pose.h).
 Eigen::Matrix3d PositionCovariance(const Pose& structure_from_sensor, const Matrix6d& covariance);
 /// Its standard deviations along the structure's axes, m.
 Eigen::Vector3d SigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
-/// Standard deviations in the direction in which the sensor's position, and about the axis about
-/// which its rotation, is known least, m and deg; NaN for a covariance that is not finite. These
-/// are what limits are for.
+/// Largest standard deviations of the sensor's position, in its least known direction, m, and of
+/// its rotation, about its least known axis, deg. NaN for a covariance that is not finite. Limits
+/// apply to these.
 double LargestSigmaPosition(const Pose& structure_from_sensor, const Matrix6d& covariance);
 double LargestSigmaRotationDeg(const Matrix6d& covariance);
 
-/// Two sensors cannot stand in one place: it is one sensor under two names. `poses`: absent where a
-/// sensor is not placed. One result a sensor: what to say of it, which names the last of its
+/// Finds sensors that stand in one place: it is one sensor under two names. `poses`: absent for
+/// sensors that are not placed. There is one result per sensor, which names the last of its
 /// duplicates.
 std::vector<std::optional<Finding>> FindDuplicates(const std::vector<std::string>& names,
                                                    const std::vector<std::optional<Pose>>& poses);

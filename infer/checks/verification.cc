@@ -13,13 +13,12 @@ namespace volalign {
 
 namespace {
 
-/// The network is sure of a side whose labels have this mean probability.
+/// Least mean probability of a side's labels of which the network is sure.
 constexpr double kSureConfidence = 0.8;
-/// m^2, of such sides, for a frame without a pose to show a structure at all.
+/// Least area of such sides, m^2, that shows a structure in a frame without a pose.
 constexpr double kLeastSureArea = 0.05;
-/// From so many such sides of such an area, m^2, on a misfit is put down to the stack or the
-/// intrinsics rather than to what else is in the room. One that is seen from one corner shows
-/// over 1.
+/// From so many such sides and this area, m^2, on, the stack or the intrinsics explain a misfit,
+/// not other things in the room. A stack seen from one corner shows over 1.
 constexpr std::size_t kManySides = 4;
 constexpr double kManySidesArea = 0.5;
 
@@ -27,10 +26,10 @@ std::string CountSides(std::size_t count) {
   return fmt::format("{} side{}", count, count == 1 ? " was" : "s were");
 }
 
-/// Odds of a wrong pose to the right one.
+/// Are the odds of a wrong pose to the right one decisive?
 bool Refutes(double log_odds) { return -log_odds >= std::log(kDecisiveOdds); }
 
-/// Why a pose that does not explain the view does not.
+/// Explains why a pose does not explain the view.
 Finding ExplainMisfit(const LocateFacts& facts) {
   if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
   const ViewExplanation& view = facts.explanation;

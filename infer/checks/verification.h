@@ -24,17 +24,17 @@ struct SureSides {
 };
 SureSides CountSureSides(const std::vector<SidePatch>& patches);
 
-/// Enough of what looks like sides to ask why they do not fit.
+/// Are there so many sides that a misfit needs a reason?
 bool SeesManySides(const std::vector<SidePatch>& patches);
 
-/// Why a frame without an initial pose has none: one or two sides that the network is sure of are a
-/// structure seen too narrowly (degenerate_sides), less is none (no_structure).
+/// Explains a missing initial pose. One or two sides that the network is sure of mean a structure
+/// seen too narrowly (degenerate_sides); less means no structure (no_structure).
 Finding ExplainMissingPose(const InitialPose& initial);
 
-/// Why a frame without a network's labels has no initial pose.
+/// Explains a missing initial pose of a frame without a network's labels.
 Finding ExplainMissingShape();
 
-/// What a sensor's own pose is verified by.
+/// Facts by which a sensor's own pose is verified.
 struct LocateFacts {
   ViewExplanation explanation;  ///< at the own pose
   std::vector<int> confirmed;   ///< ConfirmedLabels at the own pose
@@ -43,16 +43,16 @@ struct LocateFacts {
   const BetterIntrinsics* better_intrinsics = nullptr;  ///< null: none fit better
 };
 
-/// Would a wrong pose explain the depths of a view so much better than this one does, or depths and
+/// Would a wrong pose explain the view's depths decisively better (kDecisiveOdds), or depths and
 /// labels together better at all? Depths refute it alone: labels that fit do not outweigh that a
 /// sensor sees through the structure.
 bool IsRefuted(const ViewExplanation& explanation);
 
-/// Nothing if what the sensor saw is consistent with its own pose, or why the sensor is not placed.
+/// Nothing if the view is consistent with the sensor's own pose, else why the sensor is not placed.
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
                                      const VerdictOptions& options);
 
-/// intrinsics_suspect, with what would fit better.
+/// intrinsics_suspect, with the intrinsics that would fit better.
 Finding SuspectIntrinsics(const BetterIntrinsics& better);
 
 }  // namespace volalign
