@@ -19,7 +19,7 @@ namespace volalign {
 
 namespace {
 
-/// `stack`: what is known of how it stands.
+/// `stack`: how the stack stands, as far as known.
 CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& stack,
                               Segmenter* segmenter, const CalibrateOptions& options,
                               const CalibrateProgress& progress, StageClock* clock) {
@@ -48,8 +48,8 @@ CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& sta
   return result;
 }
 
-/// What InspectAssembly finds of a still in which sensors fail or contradict each other; nothing
-/// where it finds nothing.
+/// The finding of InspectAssembly in a capture whose sensors fail or contradict each other. Nothing
+/// if the stack stands as described.
 std::optional<AssemblyReport> InspectStill(const StackResult& still, const Structure& structure,
                                            const CalibrateOptions& options) {
   if (std::none_of(still.sensors.begin(), still.sensors.end(), [&](const FrameResult& sensor) {

@@ -38,24 +38,25 @@ struct CalibrateOptions {
   }
 };
 
-/// Told what begins, in a few words for a person: "first poses". Calibrations that look at a lens
-/// again come to some stages twice.
+/// Called at the start of each stage with a few words for a person: "first poses". Some stages come
+/// again if a lens has changed.
 using CalibrateProgress = std::function<void(const std::string& stage)>;
 
-/// Calibrates a rig from depth maps and intrinsics in memory: no file, no GL context. Without a
-/// segmenter (null), initial poses come from the structure's geometry alone. Between the
-/// stills the stack was moved and nothing else; poses are in the structure where it stood in the
-/// first. A sensor that cannot be placed is `failed` with a code; the others are placed without it.
-/// Throws ConfigError for invalid options, and DataError for frames that contradict their
-/// intrinsics or share a name in one still, for stills that share one, and for a sensor that is not
-/// the same in two stills or has the same depth map in both.
+/// Calibrates a rig from depth maps and intrinsics in memory, without files or a GL context. Each
+/// element of the first argument is a capture; only the stack may move between captures. Poses are
+/// in the structure where it stood in the first one. Without a segmenter (null), initial poses come
+/// from the structure's shape alone. A sensor that cannot be placed is `failed` with a code; the
+/// others are placed without it. Throws ConfigError for invalid options. Throws DataError for
+/// frames that contradict their intrinsics or share a name in one capture, and for captures that
+/// share a name. It also throws DataError for a sensor that differs between two captures, or has
+/// the same depth map in both.
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter* segmenter, const CalibrateOptions& options = {},
                             const CalibrateProgress& progress = nullptr);
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 
-/// Of a single still.
+/// The same of a single capture.
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 

@@ -18,14 +18,14 @@ namespace volalign {
 
 namespace {
 
-/// Two views of something.
+/// Are these the same depth map, with any depth?
 bool AreSame(const DepthImage& a, const DepthImage& b) {
   const bool shows_something = std::any_of(a.begin(), a.end(), [](float z) { return z > 0; });
   return shows_something && a.width() == b.width() && a.height() == b.height() &&
          std::equal(a.begin(), a.end(), b.begin());
 }
 
-/// A sensor is one device that stands still: only what is in front of it may change.
+/// A sensor is one device that does not move: only things in front of it may change.
 void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_still,
                      const SensorFrame& frame, const std::string& still) {
   if (!(frame.intrinsics == earlier.intrinsics) || frame.sensor != earlier.sensor) {

@@ -9,18 +9,17 @@
 
 namespace volalign {
 
-/// What is to be calibrated. Throws ConfigError or DataError for what no stage of Calibrate could
-/// make sense of. `model`: there is a network.
+/// Checks the arguments of Calibrate and drops stand-in depths (DropStandIns). Throws ConfigError
+/// or DataError for input that no stage could use. `model`: there is a network.
 CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
                         const CalibrateOptions& options, bool model);
 
-/// An element of orientation.choose: the pose of that number, PoseAlternative::number, is asked
-/// for.
+/// An element of orientation.choose: a sensor and its requested PoseAlternative::number.
 struct SensorNumber {
   std::string sensor;
   int number = 1;
 };
-/// Of "SENSOR=NUMBER". Throws ConfigError.
+/// Parses "SENSOR=NUMBER". Throws ConfigError.
 SensorNumber ParseChoice(const std::string& text);
 
 }  // namespace volalign

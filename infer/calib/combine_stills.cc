@@ -13,16 +13,16 @@ namespace volalign {
 
 namespace {
 
-/// A sensor in one still.
+/// A sensor in one capture.
 struct OfSensor {
   std::size_t still = 0;
   FrameResult* result = nullptr;
-  const RefinedFrame* refined = nullptr;  // of one that was refined
+  const RefinedFrame* refined = nullptr;  // null if it was not refined
 
   bool IsPlaced() const { return refined && result->structure_from_sensor; }
 };
 
-/// What concerns the sensor itself, in whichever still it shows.
+/// Is the finding about the sensor itself, in whichever capture it appears?
 bool ConcernsSensor(SensorCode code) {
   const std::set<SensorCode> of_sensor = {SensorCode::kDisagrees,   SensorCode::kDuplicateDepth,
                                           SensorCode::kSamePose,    SensorCode::kIntrinsicsSuspect,
@@ -30,8 +30,8 @@ bool ConcernsSensor(SensorCode code) {
   return of_sensor.count(code) > 0;
 }
 
-/// The frame whose outcome is the sensor's: of one without a pose, one that is unconnected rather
-/// than one that sees no stack.
+/// The frame whose outcome is the sensor's. Without a pose, an unconnected frame comes before one
+/// that sees no stack.
 const FrameResult& MostTelling(const std::vector<OfSensor>& frames) {
   const auto rank = [](const FrameResult& frame) {
     if (!frame.structure_from_sensor) return frame.code == SensorCode::kUnconnected ? 2 : 3;
@@ -44,10 +44,10 @@ const FrameResult& MostTelling(const std::vector<OfSensor>& frames) {
   return *best;
 }
 
-/// The frame whose pose most of the sensor's frames agree with, one that the refinement took, if
-/// there is one among them.
+/// The frame whose pose most of the sensor's frames agree with, preferably one that the joint
+/// solution includes.
 const OfSensor* MostAgreed(const std::vector<OfSensor>& frames) {
-  constexpr double kTogether = 0.03;  // m, of a sensor that stands in one place
+  constexpr double kTogether = 0.03;  // m, for a sensor that stands in one place
   const OfSensor* agreed = nullptr;
   std::pair<int, bool> best;
   for (const OfSensor& frame : frames) {
@@ -67,7 +67,7 @@ const OfSensor* MostAgreed(const std::vector<OfSensor>& frames) {
   return agreed;
 }
 
-/// Figures of all frames together: sums, and means over their points.
+/// Figures of all frames together: sums, and means weighted by points.
 void PoolFigures(const std::vector<OfSensor>& frames, SensorOutcome* sensor) {
   const std::vector<double SensorOutcome::*> means = {
       &SensorOutcome::inlier_share, &SensorOutcome::miou, &SensorOutcome::label_iou,
@@ -123,7 +123,7 @@ FrameResult CombineFrames(const std::vector<OfSensor>& frames,
   return sensor;
 }
 
-/// Root mean squares over all stills, weighed by their points.
+/// Root mean squares over all captures, weighted by points.
 std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& stills) {
   SetDistances squares;
   double points = 0;
@@ -139,8 +139,8 @@ std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& still
   return SetDistances{std::sqrt(squares.d1 / points), std::sqrt(squares.d2 / points)};
 }
 
-/// Of all stills, in the structure of the first: where a sensor's choice is decided in one still,
-/// others that leave it open do not count.
+/// The alternatives of all captures, in the structure of the first. If one capture decides a
+/// sensor's choice, others that leave it open do not count.
 std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& stills,
                                                 const std::vector<FrameResult>& sensors) {
   const auto is_open = [&](const SensorAlternative& alternative) {
@@ -161,7 +161,8 @@ std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& 
   return alternatives;
 }
 
-/// Each two sensors, of the still in which they overlap most, in the structure of the first one.
+/// Each two sensors, from the capture in which they overlap most, in the structure of the first
+/// one.
 std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
   std::vector<PairResult> pairs;
   for (const StillResult& still : stills) {
@@ -181,8 +182,9 @@ std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
   return pairs;
 }
 
-/// The true pose of each sensor, by sensor, in the structure of the first still. Where a sensor was
-/// absent then, the sensors that it shares a still with tell where the structure stood in that one.
+/// The true pose of each sensor in the structure of the first capture, if known. For a sensor that
+/// is absent there, sensors that share another capture with it tell where the structure stood in
+/// that one.
 std::vector<std::optional<Pose>> TruthsInFirst(const CaptureSet& capture) {
   std::vector<std::optional<Pose>> truths(capture.sensors.size());
   std::vector<std::optional<Pose>> placements(capture.stills.size());

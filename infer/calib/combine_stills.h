@@ -8,10 +8,10 @@
 
 namespace volalign {
 
-/// The result of all stills, from those of each alone, but for the size, the solution's report and
-/// the timings. The sensors come in the order of CaptureSet::sensors, each with its pose in the
-/// first still's structure, without images. A sensor is as well placed as in the still where it is
-/// placed best, but for what says that it, not its view of one still, is not as it should be.
+/// Combines the captures' results, without the size, the solution's report and the timings. Sensors
+/// are in the order of CaptureSet::sensors, with poses in the first capture's structure and without
+/// images. A sensor gets the status of the capture in which it is placed best. A finding about the
+/// sensor itself, not about its view in one capture, counts in any case.
 CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResult> stills,
                                 const SomeFrames<FrameSolution>& frames);
 

@@ -1,8 +1,7 @@
 #pragma once
 
-// The keys under which files have a calibration's results, for any archive like those of
-// core/json/json_archive.h, which this header does without. A quantity that is not finite is an
-// absent key.
+// The keys of a calibration's results in files. Any archive like those of core/json/json_archive.h
+// serves; this header does without it. A quantity that is not finite is an absent key.
 
 #include <fmt/format.h>
 
@@ -70,11 +69,11 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   ar.IfFinite("label_iou", sensor.label_iou);
   ar.IfFinite("explained_share", sensor.explained_share);
   ar.IfFinite("depth_offset_m", sensor.depth_offset_m);
-  // The first files have no gain: 1.
+  // The first files have no gain.
   ar.IfFinite("depth_gain", sensor.depth_gain, 1.0);
   ar.IfFinite("sigma_depth_offset_m", sensor.sigma_depth_offset_m);
   ar.IfFinite("sigma_depth_gain", sensor.sigma_depth_gain);
-  // What follows from the covariance is read and dropped.
+  // Values that follow from the covariance are read and dropped.
   std::vector<std::string> unconstrained;
   if (!Archive::kReading && sensor.covariance.allFinite()) {
     unconstrained = UnconstrainedDirections(sensor.covariance);

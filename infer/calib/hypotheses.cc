@@ -23,14 +23,13 @@ namespace volalign {
 
 namespace {
 
-/// The search finds a stack whose size is so much off, and no more.
+/// Largest factor between sizes at which the search still finds a stack.
 constexpr double kScaleStep = 1.05;
-/// Frames in which a scale is searched for, and exchanges that are tried.
+/// Most frames in which a scale is searched for, and most exchanges.
 constexpr std::size_t kMostSearched = 2, kMostExchanges = 3;
-/// m: a median depth of a frame that shows a structure in a room.
+/// m: least median depth of a frame that shows a structure in a room.
 constexpr double kNearestMedian = 0.5;
-/// Units that cameras and data sets have, m. A scale that is as near to one of them as the search
-/// can tell is taken for it.
+/// Units of cameras and data sets, m. A scale within kUsually of one of them is rounded to it.
 constexpr double kUsualUnits[] = {1, 0.01, 0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001};
 constexpr double kUsually = kScaleStep - 1;
 
@@ -66,7 +65,7 @@ double MedianDepth(const SensorView& view) {
   return depths.empty() ? 0 : Quantile(depths, 0.5);
 }
 
-/// By which depths have to be multiplied for most of the views to show the structure's shape.
+/// The factor on depths with which at least half of the views show the structure's shape.
 std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
                                       const Structure& structure, const CalibrateOptions& options) {
   std::vector<double> medians;
@@ -76,7 +75,7 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   std::vector<double> factors;
   for (double factor = kNearestMedian / middle; factor * middle < kFarthest; factor *= kScaleStep)
     factors.push_back(factor);
-  std::vector<std::pair<std::size_t, double>> found(factors.size());  // views, log odds of them
+  std::vector<std::pair<std::size_t, double>> found(factors.size());  // views, their log odds
   ParallelFor(factors.size(), options.threads, [&](std::size_t k) {
     for (const SensorView& view : views) {
       const std::optional<GeometricPose> pose =
@@ -92,7 +91,7 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   return factors[static_cast<std::size_t>(best - found.begin())];
 }
 
-/// Sensors of one depth_scale that may be in another unit, with frames of the first still.
+/// Sensors of one depth_scale that may be in another unit, with frames of the first capture.
 struct Suspects {
   double depth_scale = 0;
   std::set<std::string> names;
@@ -125,7 +124,7 @@ std::vector<Suspects> FindSuspects(const std::vector<Still>& stills,
   return list;
 }
 
-/// The depth_scale with which most of the suspects are placed, if there is one.
+/// The depth_scale with which at least half of the suspects are placed, if there is one.
 std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector<Still>& stills,
                                      const Structure& structure, const CalibrateOptions& options,
                                      const Recalibrate& recalibrate) {
@@ -171,8 +170,8 @@ void TryScales(const std::vector<Still>& stills, const Structure& structure,
 
 using Names = std::pair<std::string, std::string>;
 
-/// Can depth maps of these be taken for each other's, and does it make a difference? Intrinsics of
-/// one sensor differ by a pixel or two from one calibration to the next.
+/// Can the depth maps of these sensors be confused, and does it make a difference? One sensor's
+/// intrinsics differ by a pixel or two from one calibration to the next.
 bool CanBeExchanged(const Still& still, const Names& names) {
   const SensorFrame *a = FindFrame(still, names.first), *b = FindFrame(still, names.second);
   return a && b && a->depth.width() == b->depth.width() && a->depth.height() == b->depth.height() &&
@@ -193,7 +192,7 @@ std::vector<Still> Exchanged(std::vector<Still> stills, const Names& names) {
   return stills;
 }
 
-/// m^2: mean square of the distances of what two sensors see, over all pairs or a sensor's.
+/// m^2: mean square distance between two sensors' points, over all pairs or those of a sensor.
 double MeanSquare(const CalibrationResult& result, const std::string& sensor = "") {
   double sum = 0, count = 0;
   for (const PairResult& pair : result.pairs) {
@@ -204,8 +203,7 @@ double MeanSquare(const CalibrationResult& result, const std::string& sensor = "
   return count > 0 ? sum / count : 0;
 }
 
-/// How much calls for another explanation: pairs that are apart, sensors that disagree or whose
-/// intrinsics are suspect.
+/// Number of doubts: pairs that are apart, and sensors that disagree or have suspect intrinsics.
 std::size_t CountDoubts(const CalibrationResult& result) {
   std::size_t doubts = 0;
   for (const RigFinding& finding : result.findings)
@@ -218,7 +216,7 @@ std::size_t CountDoubts(const CalibrationResult& result) {
   return doubts;
 }
 
-/// The two that are farthest from the others first.
+/// The exchanges to try; the two sensors farthest from the others come first.
 std::vector<Names> ExchangesToTry(const Still& still, const CalibrationResult& result) {
   std::vector<std::pair<double, Names>> ranked;
   for (const FrameResult& a : result.sensors) {
@@ -292,7 +290,7 @@ void SuspectIntrinsics(const std::vector<Still>& stills, FrameResult* sensor) {
 
 // Frames that were spoilt before they came here.
 
-/// Share of the measured pixels of which no neighbour measures the same surface.
+/// Share of the measured pixels whose measured neighbours all lie on other surfaces.
 double LonelyShare(const SensorView& view) {
   const DepthImage& depth = view.depth;
   double lonely = 0, measured = 0;
@@ -310,8 +308,8 @@ double LonelyShare(const SensorView& view) {
   return measured > 0 ? lonely / measured : 0;
 }
 
-/// Whether depth goes on behind nearly every edge without a missing pixel. Sensors miss some there,
-/// in their shadow or where a pixel sees both; filters fill them.
+/// Does depth go on behind nearly every edge without a missing pixel? Sensors miss some there, in
+/// their shadow or where a pixel sees both; filters fill them.
 bool IsFilled(const DepthImage& depth) {
   double jumps = 0, gaps = 0;
   for (int v = 0; v < depth.height(); ++v) {
@@ -343,7 +341,7 @@ void SuspectSpoilt(FrameResult* sensor) {
       100 * share);
 }
 
-/// Where most sensors have wrong intrinsics, the others' have the same cause.
+/// If most sensors have wrong intrinsics, the others' doubts have the same cause.
 void DoubtTheRest(CalibrationResult* result) {
   const auto is_suspect = [](const FrameResult& sensor) {
     return sensor.code == SensorCode::kIntrinsicsSuspect;

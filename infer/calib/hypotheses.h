@@ -8,21 +8,26 @@
 
 namespace volalign {
 
-/// What calibrates other stills in the same way.
+/// Calibrates other captures in the same way.
 using Recalibrate = std::function<CalibrationResult(const std::vector<Still>&)>;
 
-/// Where a result is bad, tries what people do wrong with captures, and says what it was. `result`
-/// is that of `stills`; its poses stay.
-/// - Depths in another unit, where frames are in no unit of a room or no sensor is placed: the
-///   factor at which geometry finds the structure, and with which a calibration places most
-///   sensors (depth_scale).
-/// - Two exchanged depth files, where sensors are apart, disagree or have suspect intrinsics:
-///   exchanged back, fewer are in doubt, and the mean square of the distances between sensors'
-///   points is at most half (files_exchanged).
-/// - Intrinsics that a sensor of the stated kind does not have, where a sensor is not ok: the
-///   sensor's first suspicion (intrinsics_suspect); and where most sensors have wrong ones, every
-///   placed sensor's.
-/// - Frames whose pixels have nothing in common with their neighbours, where a sensor is not ok.
+/// Tries usual mistakes with captures where a result is bad, and adds findings and hints to
+/// `result`. Its poses do not change. `result` is the calibration of the first argument.
+///
+/// If depths are in no unit of a room or no sensor is placed, depths may be in another unit
+/// (depth_scale). Geometry then finds the structure at a factor with which a calibration places at
+/// least half of these sensors.
+///
+/// If sensors are apart, disagree or have suspect intrinsics, two depth files may be exchanged
+/// (files_exchanged). Exchanged back, fewer sensors are in doubt, and the mean square of the
+/// distances between sensors' points is less than half.
+///
+/// Intrinsics may be those of the stated kind at another image size (intrinsics_suspect). For a
+/// sensor that is not ok they may also be none of the kind's. If most sensors have suspect ones,
+/// every placed sensor does.
+///
+/// A sensor that is not ok gets a hint if its pixels have nothing in common with their neighbours,
+/// or a filter filled its holes.
 void TryHypotheses(const std::vector<Still>& stills, const Structure& structure,
                    const CalibrateOptions& options, const Recalibrate& recalibrate,
                    CalibrationResult* result);

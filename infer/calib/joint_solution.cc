@@ -21,23 +21,22 @@ namespace volalign {
 
 namespace {
 
-/// Labels follow the joint solution, so often at most, and while a sensor moves farther than this,
-/// m.
+/// Frames are labelled again while a sensor moves farther than this, m, so often at most.
 constexpr int kLabelRounds = 6;
 constexpr double kLabelsStay = 0.002;
 
-/// The errors of the frames are fitted, and it is asked which frames disagree, in so many rounds,
-/// and both are kept: where two answers explain the frames about equally well, the labels of each
-/// round may call for the other one.
+/// In so many rounds the frames' errors are fitted and disagreeing frames are found; both are then
+/// fixed. If two answers explain the frames about equally well, the labels of each round may call
+/// for the other one.
 constexpr int kFits = 4;
 
-/// The refinement is linear in the lenses: a picture that has moved farther, px, is looked at
-/// again, so many times at most. Four real Kinects whose last picture had moved by 1.9 px were 14
-/// mm from where another look takes them.
+/// The refinement is linear in the lenses. A picture that has moved farther, px, is seen anew, so
+/// many times at most. Four real Kinects whose last picture had moved by 1.9 px were 14 mm from the
+/// poses that another look gives.
 constexpr double kLinearPx = 1;
 constexpr int kMostLooks = 3;
 
-/// Frames that are located, none of which contradicts the others about where the stack stood.
+/// Located frames, none of which contradicts the others about where the stack stood.
 struct Located {
   PerFrame<LocateResult> results;
   std::vector<Pose> first_from_stack;
@@ -64,7 +63,7 @@ RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& fram
   return Refine(seen.capture->structure, all, setup, seen.lenses.lenses, first_from_stack);
 }
 
-/// The poses that labels follow. A frame whose numbers failed begins where it did.
+/// The poses for new labels. A frame that was not solved keeps its start.
 SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const RefineResult& refined) {
   SomeFrames<Pose> poses;
   auto found = refined.frames.begin();
@@ -75,7 +74,7 @@ SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const Refi
   return poses;
 }
 
-/// How far, m, the poses are from where the frames began.
+/// The poses' translations from the frames' starts, m.
 Moves MovesOf(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
   Moves moves;
   for (const auto& [id, pose] : poses)
@@ -89,7 +88,7 @@ double Largest(const Moves& moves) {
   return largest;
 }
 
-/// The frames as they begin at these poses, labelled by them.
+/// The frames with these starts, labelled by them.
 SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frames,
                                   const SomeFrames<Pose>& poses, const RefineResult& refined,
                                   const LocateOptions& options) {
@@ -103,7 +102,7 @@ SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frame
   return frames;
 }
 
-/// The frames of these poses with their errors as they were fitted, set aside or not as they were.
+/// The frames with their fitted errors, excluded or not as the refinement found.
 SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrames<Pose>& poses,
                                   const RefineResult& refined) {
   auto found = refined.frames.begin();
@@ -117,7 +116,7 @@ SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrame
   return frames;
 }
 
-/// The same frames, set aside or not as they were.
+/// The frames, excluded or not as the last refinement of `before` found.
 SomeFrames<FrameInput> AsideAsBefore(SomeFrames<FrameInput> frames,
                                      const SomeFrames<FrameInput>& before,
                                      const RefineResult& refined) {
@@ -130,7 +129,7 @@ SomeFrames<FrameInput> AsideAsBefore(SomeFrames<FrameInput> frames,
   return frames;
 }
 
-/// The lenses as they were found, and what is their sensors' own.
+/// The lenses with the refined changes, and each sensor's own focal length.
 LensSet WithChanges(const CaptureSet& capture, LensSet lenses, const SomeFrames<FrameInput>& frames,
                     const RefineResult& refined) {
   for (std::size_t i = 0; i < lenses.lenses.size(); ++i)
@@ -273,7 +272,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       continue;
     }
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
-    if (!shapeless.empty()) {  // set aside
+    if (!shapeless.empty()) {  // drop
       located = Join(seen, Without(std::move(located.results), shapeless));
     } else {  // look
       clock->Lap("refinement");

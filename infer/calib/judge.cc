@@ -57,7 +57,7 @@ Finding TypicalIntrinsics(const std::string& kind) {
           "capture"};
 }
 
-/// Empty where the frame has settled.
+/// The last moves as a text; empty if the frame has settled.
 std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
   if (frame.settled) return "";
   return fmt::format(
@@ -135,8 +135,8 @@ std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& 
   return CompareWithSurface(captured, built, threads);
 }
 
-/// Of each frame of a still. One whose pose a person has chosen takes part, but nothing is said of
-/// it.
+/// The result of FindSeenThrough for each frame of a capture. A frame whose pose a person has
+/// chosen takes part, but has no result.
 std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std::size_t still,
                                                          const CalibrateOptions& options) {
   const std::size_t count = joint.located.OfStill(still).size();
@@ -159,7 +159,7 @@ std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std
   return refuted;
 }
 
-/// What is known of a frame but for the verdict on a located one. Takes its images.
+/// The result of a frame without the verdict on a located one. Takes its images.
 FrameResult ResultOf(FrameId id, Joint* joint) {
   const Seen& seen = joint->seen;
   Labelled& labelled = joint->seen.labelled[id];
@@ -185,8 +185,8 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   return sensor;
 }
 
-/// Of a located sensor that rests on others: where it stands when the first of those that is in the
-/// set has its other pose.
+/// The pose of a located sensor that rests on others when the first of them in the set has its
+/// other pose.
 std::optional<SensorAlternative> FollowedAlternative(
     const Joint& joint, FrameId id, const FrameResult& sensor,
     const std::map<FrameId, SensorAlternative>& moved) {
@@ -202,8 +202,8 @@ std::optional<SensorAlternative> FollowedAlternative(
   return std::nullopt;
 }
 
-/// The sets of poses that the still's sensors may have instead, with what rests on them; but for
-/// those that kNamedOdds rule out.
+/// The sets of poses that the capture's sensors may have instead, with sensors that rest on them.
+/// Those that kNamedOdds rule out are absent.
 std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t still,
                                            const std::vector<FrameResult>& sensors) {
   std::map<int, RigAlternative> alternatives;
@@ -237,7 +237,7 @@ std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t still
   return list;
 }
 
-/// A sensor that has a pose, and nothing is said against it.
+/// Does the sensor have a pose that nothing speaks against?
 bool IsBelieved(const FrameResult& sensor) {
   const auto doubted = {SensorCode::kDuplicateDepth, SensorCode::kIntrinsicsSuspect,
                         SensorCode::kDisagrees,      SensorCode::kAmbiguous,
@@ -247,7 +247,7 @@ bool IsBelieved(const FrameResult& sensor) {
          std::find(doubted.begin(), doubted.end(), sensor.code) == doubted.end();
 }
 
-/// Where most others do not find the stack, what a sensor sees may be something else.
+/// If most others do not find the stack, a sensor may see something else.
 void DoubtThoseAlone(std::vector<FrameResult>* sensors) {
   const auto lost = std::count_if(sensors->begin(), sensors->end(), [](const FrameResult& each) {
     return each.code == SensorCode::kNoStructure || each.code == SensorCode::kInconsistent;
@@ -267,7 +267,7 @@ void DoubtThoseAlone(std::vector<FrameResult>* sensors) {
   }
 }
 
-/// Names of boxes of which something is found.
+/// Names of the boxes with findings.
 std::string BoxesThatAreOff(const std::vector<RigFinding>& findings) {
   std::vector<std::string> names;
   for (const RigFinding& finding : findings) {
@@ -278,7 +278,7 @@ std::string BoxesThatAreOff(const std::vector<RigFinding>& findings) {
   return fmt::format("{}", fmt::join(names, ", "));
 }
 
-/// What the sensors tell of a stack of which nothing else was found.
+/// The report on a stack without an altered arrangement.
 AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Structure& structure,
                            const std::vector<RigFinding>& findings) {
   AssemblyReport report;
@@ -302,7 +302,7 @@ AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Struct
   return report;
 }
 
-/// A still with its frames' results.
+/// The result of a capture from its frames' results.
 StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
                         std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                         Joint* joint) {

@@ -11,15 +11,15 @@
 
 namespace volalign {
 
-/// Does the stack of a sensor that failed so not look as it is described?
+/// Does this code mean that the stack may not look as described?
 bool FailedToFindStack(SensorCode code);
 
-/// Does what is said of a sensor call for other ways in which the stack may stand? It did not find
-/// the stack, fits it badly, or contradicts others at the only pose that it has.
+/// Does a sensor's finding call for other arrangements of the stack? It did not find the stack,
+/// fits it badly, or contradicts others at the only pose that it has.
 bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigAlternative>& alternatives);
 
-/// The last stage: measures every located frame at its reported pose, judges it, and gathers the
-/// result (without timings_s). `stack` and `suspect_lenses`: findings of the stages before.
+/// The last stage. It measures every located frame at its reported pose, judges it, and gathers the
+/// result (without timings_s). `stack` and `suspect_lenses` are findings of earlier stages.
 CalibrationResult Judge(Joint joint, const StackFinding& stack,
                         const PerFrame<std::optional<Finding>>& suspect_lenses,
                         const CalibrateOptions& options);

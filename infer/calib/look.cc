@@ -17,7 +17,7 @@ namespace volalign {
 
 namespace {
 
-/// The number of the pose that is asked for of a sensor; 0: none.
+/// The requested number of a sensor's pose; 0: none.
 int ChoiceOf(const std::string& name, const std::vector<std::string>& chosen) {
   int number = 0;
   for (const std::string& each : chosen) {
@@ -27,7 +27,7 @@ int ChoiceOf(const std::string& name, const std::vector<std::string>& chosen) {
   return number;
 }
 
-/// Frames whose depths failed get no labels, nor do those of which a pose is `known`.
+/// Frames whose depths failed get no labels, nor do those with a `known` pose.
 std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
                                  const std::vector<const Pose*>& known, Segmenter* segmenter,
                                  const CalibrateOptions& options, StageClock* clock) {
@@ -45,7 +45,7 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
                     options.orientation, options.threads, clock);
 }
 
-/// Throws ConfigError unless some still leaves the choice open.
+/// Throws ConfigError unless some capture leaves the choice open.
 void RequireChoice(const Seen& seen, const SensorNumber& asked) {
   std::set<int> numbers;
   for (const FrameId id : seen.labelled.Ids()) {

@@ -9,16 +9,17 @@
 
 namespace volalign {
 
-/// Looks at a capture, which has to outlive the result, through its lenses: what depths say by
-/// themselves, labels and initial poses. `segmenter` may be null. Adds to `clock` what takes time.
+/// Looks at captures through their lenses: depth findings, labels and initial poses. `capture` must
+/// outlive the result; `segmenter` may be null. Adds times to `clock`. Throws ConfigError for a
+/// choice (orientation.choose) that a sensor does not have.
 Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock);
 
-/// The same with the rays that frames have through other lenses; labels and poses stay.
+/// The same through other lenses; labels and poses stay.
 Seen WithLenses(Seen seen, LensSet lenses, int threads);
 
-/// Labels and initial poses for the rays that `seen` has now, `results` being what was located with
-/// those before: of a located frame, near where it was; every other one is labelled anew, as if
+/// Labels and initial poses for the present rays of `seen`. `results`: from the rays before. A
+/// located frame is posed near its last pose. Every other frame with valid depths is labelled as if
 /// nothing were known of it.
 PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& results,
                               Segmenter* segmenter, const CalibrateOptions& options,

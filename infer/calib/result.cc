@@ -22,7 +22,7 @@ class NotFinite {
   void IfFinite(const char* key, const T& value, const Absent&... /*absent*/) {
     if (!IsFinite(value)) keys_.emplace_back(key);
   }
-  // What is written under any circumstances is finite, or no number.
+  // Values that are always written are finite, or no numbers.
   template <class T>
   void operator()(const char* /*key*/, const T& /*value*/) {}
   template <class T>
@@ -59,7 +59,7 @@ void DemoteIfNotFinite(SensorOutcome* sensor) {
   if (not_finite.keys().empty()) return;
   const std::string problem =
       fmt::format("not finite, and left out: {}", fmt::join(not_finite.keys(), ", "));
-  // That a pose is uncertain goes without saying where its covariance is not known.
+  // A covariance that is not known makes a pose uncertain in any case.
   if (sensor->code == SensorCode::kNone || sensor->code == SensorCode::kUncertain) {
     sensor->code = SensorCode::kNotFinite;
     sensor->reason = problem;

@@ -22,43 +22,43 @@
 
 namespace volalign {
 
-/// What is known about a sensor's lens.
+/// A sensor's lens.
 struct LensOutcome {
   LensSource source = LensSource::kGiven;
   /// Standard deviations of the logarithm of the focal length, of k1 and of k2.
   Eigen::Vector3d sigmas = Eigen::Vector3d::Zero();
 };
 
-/// One sensor's outcome. Failed: code, reason and hint, no pose. Weak: a pose, and what to be wary
-/// of. The quality is a placed sensor's, at the reported pose, of the structure as built; as it saw
-/// it itself where it disagrees with the others.
+/// The outcome of one sensor. A failed one has a code, a reason, a hint and no pose. A weak one has
+/// a pose and a reason for care. The quality is at the reported pose, of the structure as built.
+/// For a sensor that disagrees with the others it is of the structure as that sensor shows it.
 struct SensorOutcome : Finding, PoseQuality {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
   std::optional<Pose> structure_from_sensor;
   Pose initial = Pose::Identity();  ///< of a placed sensor
   PoseSource initial_source = PoseSource::kNetwork;
-  /// Of a sensor that disagrees with the others: the pose that they would give it. The one that
-  /// counts, structure_from_sensor, is then its own pose.
+  /// The pose that the others would give a sensor that disagrees with them. structure_from_sensor
+  /// is then its own pose.
   std::optional<Pose> together;
-  std::vector<std::string> disagrees_with;  ///< the sensors that show it, the clearest first
+  std::vector<std::string> disagrees_with;  ///< sensors that show it, the clearest first
   /// RefinedFrame::disagreement.
   double disagreement = 0;
   double initial_rms_to_structure_m = 0;
   Matrix6d covariance = Matrix6d::Zero();
-  /// True depth = measured depth * depth_gain + depth_offset_m; 1 and 0 where the capture does not
-  /// tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
+  /// True depth = measured depth * depth_gain + depth_offset_m. They are 1 and 0 if the capture
+  /// does not tell. Residuals are corrected by it. The sigmas are posterior ones in either case.
   double depth_offset_m = 0, depth_gain = 1;
   double sigma_depth_offset_m = 0, sigma_depth_gain = 0;
-  std::optional<PoseError> error, initial_error;  ///< where there is a ground truth
+  std::optional<PoseError> error, initial_error;  ///< if there is a ground truth
 
   int quarter_turns = 0;
 
-  Intrinsics intrinsics;        ///< that the pose belongs to
-  Intrinsics intrinsics_given;  ///< by the capture
+  Intrinsics intrinsics;        ///< through which the pose was found
+  Intrinsics intrinsics_given;  ///< as in the capture
   LensOutcome lens;
 
-  /// Of its position, along the structure's axes; NaN where it is not placed.
+  /// Standard deviations of the position along the structure's axes, m; NaN if it is not placed.
   Eigen::Vector3d sigma_position_m() const {
     if (!structure_from_sensor)
       return Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
@@ -67,62 +67,61 @@ struct SensorOutcome : Finding, PoseQuality {
   Eigen::Vector3d sigma_rotation_deg() const { return SigmaRotationDeg(covariance); }
 };
 
-/// The outcome of a frame, with the images that it comes from.
+/// The outcome of a frame, with its images.
 struct FrameResult : SensorOutcome {
   SegmentationResult segmentation;  ///< full size
-  SensorView view;                  ///< the frame as it was used: depths as measured, and rays
-  std::optional<Pose> best_guess;   ///< of a failed sensor, the pose that was tried and rejected
+  SensorView view;                  ///< depths as measured, and rays
+  std::optional<Pose> best_guess;   ///< the rejected pose of a failed sensor
 };
 
-/// For a sensor with numbers that are not finite, which no solver should leave: failed, without a
-/// pose, if its pose is one of them; else weak at best, and `reason` names them. The files have
-/// the others' poses, and its own without these numbers.
+/// Demotes a sensor with numbers that are not finite, which no solver should leave. It becomes
+/// failed, without a pose, if its pose is one of them. Else it becomes weak, and `reason` names
+/// them. Files have the others' poses, and its own without these numbers.
 void DemoteIfNotFinite(SensorOutcome* sensor);
 
-/// Two placed sensors of one still.
+/// Two placed sensors of one capture.
 struct PairResult {
   std::string a, b;
-  double overlap = 0;  ///< share of the sampled points, of both, that the other one sees too
-  /// Distance of the points that both see, root mean square: as measured, and as the errors of both
-  /// depths and of the poses let expect. NaN: too few.
+  double overlap = 0;  ///< share of both sensors' sampled points that the other one sees too
+  /// Root mean square distance of the points that both see: as measured, and as the errors of
+  /// depths and poses predict. NaN: too few.
   double rms_m = std::numeric_limits<double>::quiet_NaN();
   double predicted_rms_m = std::numeric_limits<double>::quiet_NaN();
-  /// Of the poses to each other: of delta of b less that of a (see SensorOutcome::covariance). NaN:
-  /// not known.
+  /// Covariance of b's delta less a's (see SensorOutcome::covariance). NaN: not known.
   Matrix6d covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
-  /// Standard deviations of where b is as a has it, m, in the direction in which that is known
-  /// least, and of how it is turned, deg. NaN: not known.
+  /// Largest standard deviations of b's position, m, and rotation, deg, relative to a. NaN: not
+  /// known.
   double sigma_m = std::numeric_limits<double>::quiet_NaN();
   double sigma_deg = std::numeric_limits<double>::quiet_NaN();
 
   bool overlaps() const { return std::isfinite(rms_m); }
 };
 
-/// A sensor in a set of poses that the rig may have instead.
+/// A sensor in another set of the rig's poses.
 struct SensorAlternative {
   std::string name;
-  /// By which `calibrate --choose NAME=NUMBER` chooses it; 0 of one that follows others.
+  /// Number for `calibrate --choose NAME=NUMBER`; 0 for a sensor that follows others.
   int number = 0;
-  /// As it was chosen among, before refinement; of one that rests on others (by_neighbours), where
-  /// it would follow them.
+  /// The candidate before refinement; for a sensor that rests on others (by_neighbours), its pose
+  /// if it follows them.
   Pose structure_from_sensor = Pose::Identity();
 };
 
-/// Another set of poses that explains the frames: sensors that are not in it stay where they are.
+/// Another set of poses that explains the frames. Sensors that are not in it keep their poses.
 struct RigAlternative {
   double log_odds = 0;  ///< natural logarithm, of the reported poses against this set
-  std::string still;    ///< of several stills, whose choice it is
+  std::string still;    ///< name of the capture with this choice, if there are several
   std::vector<SensorAlternative> sensors;
 };
 
 /// How the joint solution ended.
 struct SolveReport {
-  int rounds = 0;  ///< joint refinements, each from other labels, frames or lenses
-  /// The last one ended by its tolerances and moved no sensor by more than its sigma.
+  int rounds = 0;  ///< number of joint refinements
+  /// All frames have FrameSolution::settled.
   bool settled = false;
-  bool converged = false;  ///< it ended by its tolerances, not by the most iterations
-  double moved_m = 0;      ///< how far it moved the sensor that it moved farthest
-  double moved_px = 0;     ///< how far the last change of a lens moved a picture
+  bool converged = false;  ///< the last one ended by its tolerances, not by its most iterations
+  double moved_m = 0;      ///< m: largest move of a sensor in the last one
+  double moved_px = 0;     ///< px: largest move of a picture by the last change of a lens
 };
 
 /// Sensors and the stack that they saw.
@@ -131,33 +130,33 @@ struct StackResult {
   std::vector<PairResult> pairs;
   std::vector<RigAlternative> alternatives;  ///< the most probable first
   std::optional<SetDistances> metrics;       ///< absent when no sensor was placed
-  std::optional<AssemblyReport> assembly;    ///< absent when it was not to be asked
-  /// The structure with its boxes where the capture shows them and the size that it shows, which
-  /// residuals and d1, d2 refer to; the nominal one where nothing was estimated.
+  std::optional<AssemblyReport> assembly;    ///< absent if options exclude it
+  /// The structure with the boxes and the size as the capture shows them. Residuals and d1, d2
+  /// refer to it. It is the nominal one if nothing was estimated.
   Structure built;
   std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
 };
 
-/// One still's part of a result of several; what is geometry, in the structure where it stood then.
+/// One capture's part of the result. Its geometry is in the structure where it stood then.
 struct StillResult : StackResult {
   std::string name;
   Pose first_from_placement = Pose::Identity();
-  /// Of delta as of a pose's; zero of the first still.
+  /// Covariance of delta, as for a pose; zero for the first capture.
   Matrix6d covariance = Matrix6d::Zero();
 };
 
-/// Of several stills: figures of all together, poses and boxes of the first.
+/// The result of all captures: figures of all together, poses and boxes of the first.
 struct CalibrationResult : StackResult {
   SolveReport solve;
   std::vector<std::pair<std::string, double>> timings_s;
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
-  std::vector<RigFinding> findings;  ///< what makes all of it doubtful, the likeliest cause first
-  /// Of several stills, each, with its images, which `sensors` then have none of. Empty where there
-  /// is only one.
+  std::vector<RigFinding> findings;  ///< reasons to doubt all of it, the likeliest first
+  /// Each of several captures, with its images, which `sensors` then do not have. Empty for a
+  /// single capture.
   std::vector<StillResult> stills;
 
-  /// The worst of the sensors' statuses; where there are findings, weak at best.
+  /// The worst of the sensors' statuses; with findings, weak at best.
   SensorStatus verdict() const;
   int placed() const;
 };
