@@ -54,7 +54,7 @@ std::string ParseName(const JsonObject& object) {
   return name;
 }
 
-/// Any text serves as a kind, a number or a renderer, as long as it can be printed.
+/// Any text that can be printed serves as a kind, a number or a renderer.
 std::string ParsePlainText(const JsonObject& object, const std::string& key) {
   if (!object.Has(key)) return "";
   std::string text = object.Text(key);
@@ -72,7 +72,7 @@ std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   return files;
 }
 
-/// Runs `read`; what it throws names the sensor first.
+/// Runs `read` and puts the sensor's name before its errors.
 template <class Read>
 auto ReadingFor(const std::string& where, const Read& read) {
   try {
@@ -119,7 +119,7 @@ RecordedDepth ReadRecordedDepth(const JsonObject& object, const std::filesystem:
   return std::move(stream);
 }
 
-/// What is recorded, where depth is a recording; the frame's depth_files otherwise.
+/// The recorded stream, if depth is a recording; else nothing.
 std::optional<RecordedDepth> ReadRecorded(const JsonObject& object,
                                           const std::vector<std::string>& files,
                                           const std::filesystem::path& folder, ReadBudget* budget) {
@@ -141,8 +141,8 @@ std::optional<RecordedDepth> ReadRecorded(const JsonObject& object,
   return ReadRecordedDepth(object, folder / *recording, budget);
 }
 
-/// Stated by the sensor itself, else by its recording, else for the whole capture, else by what is
-/// usual in such recordings.
+/// By the sensor itself, else stated in its recording, else for the whole capture, else usual in
+/// such recordings.
 double ParseDepthScale(const JsonObject& object, const RecordedDepth& recorded,
                        std::optional<double> common) {
   std::optional<double> scale = recorded.depth_scale;
@@ -211,7 +211,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   SensorFrame frame;
   frame.name = ParseName(object);
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
-  // First, because what is misspelled is missing, too.
+  // This comes first, because misspelled keys are missing, too.
   object.RejectOthers({"depth", "stream", "frames", "intrinsics", "quarter_turns", "sensor",
                        "serial", "renderer", "colour", "depth_scale", "typical_intrinsics"});
   frame.depth_files = ParseDepthFiles(object);
@@ -243,7 +243,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   RequireRays(frame.intrinsics, where);
   MeanDepth mean(frame.depth_scale);
   for (std::size_t i = 0; i < images; ++i) {
-    // Of files, one after the other is in memory.
+    // Files are in memory one after the other.
     StoredDepth image = i < source.frames.size() ? std::move(source.frames[i]) : read(i);
     RequireSize(image, frame.intrinsics,
                 frame.depth_files[std::min(i, frame.depth_files.size() - 1)], where);
@@ -256,7 +256,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   return frame;
 }
 
-/// Gives the sensors the poses that `truth` has for them.
+/// Gives the sensors their poses in `truth`.
 void ParseGroundTruth(const JsonObject& truth, const std::string& name,
                       std::vector<SensorFrame>* sensors) {
   for (SensorFrame& frame : *sensors) {

@@ -9,30 +9,29 @@
 
 namespace volalign {
 
-/// A capture.json (docs/formats.md) with its images.
+/// The content of a capture.json (docs/formats.md), with its images.
 struct Capture {
   std::filesystem::path path;
   std::vector<SensorFrame> sensors;
-  std::optional<std::filesystem::path>
-      structure;  ///< relative paths resolved against the JSON's folder
+  std::optional<std::filesystem::path> structure;  ///< resolved against the JSON's folder
 };
 
-/// Whether a sensor's name serves as the name of its files, beside "overview" and "merged", and in
-/// what a terminal shows.
+/// Can a sensor's name be the name of its files, beside "overview" and "merged", and be shown in a
+/// terminal?
 bool IsFileName(const std::string& name);
 
 inline constexpr char kCaptureFormat[] = "volalign.capture/1";
 
 /// Reads capture.json and its depth files or recordings. A list of depth files, or the first frames
-/// of a recording, is one still (infer/capture/mean_depth.h). Throws IoError for a missing file,
-/// and DataError in one line naming file, sensor and way out for bad JSON, unknown or duplicate
-/// keys, null, duplicate sensor names, another format, bad images, or sizes that differ from the
-/// intrinsics'.
+/// of a recording, become one mean depth map (infer/capture/mean_depth.h). Throws IoError for a
+/// missing file. Throws DataError for bad JSON, unknown or duplicate keys, null, duplicate sensor
+/// names, another format, bad images, or sizes that differ from the intrinsics'. Messages are one
+/// line and name the file, the sensor and a remedy.
 Capture ReadCapture(const std::filesystem::path& path);
 
-/// Captures of the same sensors as stills, each with a name that serves as the name of a folder:
-/// the file's without its ending or, where that is not unique, its folder's; failing that, still_1
-/// and so on. A single one has none.
+/// Gives captures of the same sensors names that serve as names of folders. The name is that of the
+/// file without its ending or, if that is not unique, of its folder, else still_1 and so on. A
+/// single capture has none.
 std::vector<Still> StillsOf(std::vector<Capture> captures);
 
 }  // namespace volalign

@@ -31,20 +31,20 @@ namespace fs = std::filesystem;
 constexpr double kSameScale = 1e-6;     // share of it, of single precision
 constexpr std::size_t kMostListed = 5;  // files of one kind that a sentence names
 
-/// One sensor as far as the folder tells.
+/// One sensor as far as the folder shows it.
 struct DraftSensor {
   std::string name;
   std::vector<fs::path> files;  // frames, or one recording
   std::string stream;           // of a recording with several
   int width = 0, height = 0;
   double median = 0;       // of the first frame's measured values, in the file's units
-  RecordedDepth recorded;  // what a recording says of it, without its frames
+  RecordedDepth recorded;  // the recording's data without its frames
   std::optional<Intrinsics> intrinsics;
   bool typical_intrinsics = false;
 };
 
-/// Whether two frames show the same scene from the same place: hardly any depth differs, nor where
-/// it was measured.
+/// Do two frames show the same scene from the same place? Hardly any depth differs then, nor where
+/// depth was measured.
 bool SeeTheSame(const Image<float>& a, const Image<float>& b) {
   constexpr float kAlike = 0.05f;      // share of the depth: noise is below, other views are not
   constexpr double kMostOther = 0.15;  // share of the pixels
@@ -92,13 +92,13 @@ class Drafter {
   }
 
  private:
-  /// Which sensors an option was used for, and of the others why not.
+  /// Number of sensors that an option was used for, and why not for the others.
   struct Use {
     int sensors = 0;
     std::vector<std::string> others;
   };
 
-  /// Says which sensors do without an option; throws ConfigError where all do.
+  /// Names the sensors that do not need an option. Throws ConfigError if none does.
   void RequireUsed(const char* option, bool given, const Use& use) {
     if (!given || use.others.empty()) return;
     const std::string others = Shortened(fmt::format("{}", fmt::join(use.others, "; ")));
@@ -128,8 +128,8 @@ class Drafter {
     SayLeftOut(content, "");
   }
 
-  /// Joins images that by their names are one sensor each: those whose numbers are as frames have
-  /// them, and that see the same as the first.
+  /// Joins images that their names make one sensor each if they are numbered as frames and see the
+  /// same as the first.
   void JoinFrames(std::vector<std::string>* order,
                   std::map<std::string, std::vector<fs::path>>* frames) {
     std::map<std::string, std::vector<std::string>> alike;  // by name without the number
@@ -150,7 +150,7 @@ class Drafter {
                      SeeTheSame(first, ReadStoredDepth((*frames)[name][0], &budget_).values);
             });
       } catch (const Error&) {
-        continue;  // AddImages says it
+        continue;  // AddImages reports it
       }
       if (joined.size() != names.size()) continue;
       std::vector<fs::path> files;
@@ -297,7 +297,7 @@ class Drafter {
     return name;
   }
 
-  /// Files that may be the sensor's, the nearest first.
+  /// Files of intrinsics that may be the sensor's, the nearest first.
   std::vector<fs::path> Candidates(const FolderContent& top, const DraftSensor& sensor) const {
     std::vector<fs::path> files;
     if (const auto own = own_.find(sensor.name); own != own_.end()) files = own->second.intrinsics;
@@ -352,7 +352,7 @@ class Drafter {
         why.push_back(error.what());
       }
     }
-    if (sensor->intrinsics) return;  // those of a camera that says that it is not calibrated
+    if (sensor->intrinsics) return;  // of a camera that calls itself not calibrated
     if (TakeTypical(sensor)) return;
     if (candidates.empty())
       why.push_back("no file of intrinsics is beside it" + PassedOver(top, *sensor));
@@ -361,7 +361,7 @@ class Drafter {
                     sensor->name, sensor->width, sensor->height, fmt::join(why, "; ")));
   }
 
-  /// Of files that may be meant as the sensor's intrinsics, why they are none.
+  /// Why files that may be meant as the sensor's intrinsics are none.
   std::string PassedOver(const FolderContent& top, const DraftSensor& sensor) const {
     std::vector<std::string> files = top.not_understood;
     if (const auto own = own_.find(sensor.name); own != own_.end())
@@ -373,7 +373,7 @@ class Drafter {
     return fmt::format(" that can be read ({}{})", fmt::join(files, "; "), more ? "; ..." : "");
   }
 
-  /// Typical intrinsics, where they are asked for.
+  /// Takes typical intrinsics if options ask for them.
   bool TakeTypical(DraftSensor* sensor) {
     if (!options_.typical) return false;
     const std::string& stated = sensor->recorded.kind;
@@ -443,7 +443,7 @@ class Drafter {
     return json;
   }
 
-  /// Which lens a calibration will assume, and why.
+  /// A sentence on the lens that a calibration will assume.
   static std::string LensSentence(const std::vector<double>& distortion, const std::string& kind) {
     if (std::any_of(distortion.begin(), distortion.end(), [](double x) { return x != 0; }))
       return "the lens is that of the distortion that the intrinsics give";
@@ -481,7 +481,7 @@ class Drafter {
   CaptureDraft draft_;
   std::vector<DraftSensor> sensors_;
   std::set<std::string> names_;
-  std::map<std::string, std::vector<std::string>> lenses_;  // sensors by what is said of their lens
+  std::map<std::string, std::vector<std::string>> lenses_;  // sensors by the sentence on their lens
   std::map<std::string, FolderContent> own_;                // of a sensor's sub-folder
   std::map<std::string, std::pair<fs::path, Image<float>>> devices_;  // by serial: first frames
   Use scale_, intrinsics_, kind_;

@@ -29,7 +29,7 @@ bool HasExtension(const fs::path& path, const std::set<std::string>& extensions)
   return extensions.count(Lower(path.extension().string())) > 0;
 }
 
-/// Whether a name is written as one of intrinsics may be.
+/// Can the name be that of a file of intrinsics?
 bool IsTextFile(const fs::path& path) {
   const std::string name = Lower(path.filename().string());
   const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
@@ -37,13 +37,13 @@ bool IsTextFile(const fs::path& path) {
          has("intrin") || has("calib") || has("camera_info");
 }
 
-/// Adds the file to those of intrinsics, or says why it is none.
+/// Adds the file to the intrinsics, or says why it is none.
 void AddText(const fs::path& path, FolderContent* content) {
   std::error_code error;
   if (!IsTextFile(path) || fs::file_size(path, error) > kMaxTextBytes || error) return;
   const std::string text = ReadFile(path, kMaxTextBytes);
   const auto has = [&](const char* word) { return text.find(word) != std::string::npos; };
-  // volalign's own, and what `ros2 bag record` writes.
+  // Files of volalign and of `ros2 bag record`.
   if (has(kCaptureFormat) || has("\"sensors\"") || has("\"volalign.") ||
       has("rosbag2_bagfile_information") ||
       path.filename().string().find(".command.") != std::string::npos)
@@ -57,7 +57,7 @@ void AddText(const fs::path& path, FolderContent* content) {
   content->not_understood.push_back(Shortened(path.filename().string()) + ": " + why);
 }
 
-/// Leaves the first of several parts of one recording.
+/// Keeps only the first of several parts of one recording.
 void KeepFirstPart(const fs::path& folder, FolderContent* content) {
   const std::vector<std::string> parts = PartsOfRecording(folder);
   const auto is_part = [&](const fs::path& path) {
@@ -139,7 +139,7 @@ std::optional<std::string> NameBesideDepth(const std::string& stem) {
   for (std::size_t at = 0; at < lower.size(); ++at) {
     for (const std::string word : {"depth", "depthmap", "z16"}) {
       if (lower.compare(at, word.size(), word) != 0) continue;
-      // The number may be a time with a fraction, as rs-convert has it.
+      // The number may be a time with a fraction, as in names of rs-convert.
       if (skip(skip(at + word.size(), kBetween), "0123456789.") == lower.size())
         return stem.substr(0, stem.substr(0, at).find_last_not_of(kBetween) + 1);
     }

@@ -12,7 +12,7 @@ namespace volalign {
 namespace {
 
 constexpr double kFinestStep = 1e-4;  // m, of depth that is stored as floats
-constexpr int kFewest = 3;            // values of which a deviation tells something
+constexpr int kFewest = 3;            // values that have a deviation
 
 }  // namespace
 
@@ -25,9 +25,9 @@ void MeanDepth::Count(float value, Pixel* pixel) {
 
 /// `values`: not zero, in whole `steps`.
 MeanDepth::Pixel MeanDepth::Begin(const std::vector<float>& values, double step) const {
-  constexpr double kMiddle = 0.499;     // the median; of two values in the middle the nearer
-  constexpr double kWithin = 0.68;      // share of the values, of a normal distribution's one sigma
-  constexpr double kFar = 3;            // spreads, of a value that does not count
+  constexpr double kMiddle = 0.499;  // the median; of two middle values the lower
+  constexpr double kWithin = 0.68;  // share of the values within one sigma of a normal distribution
+  constexpr double kFar = 3;        // spreads, of a value that does not count
   constexpr double kLeastSpread = 0.3;  // rounding to steps has a standard deviation of 0.29
   Pixel pixel;
   if (values.empty()) return pixel;
@@ -36,7 +36,7 @@ MeanDepth::Pixel MeanDepth::Begin(const std::vector<float>& values, double step)
   deviations.reserve(values.size());
   for (const float value : values) deviations.push_back(std::abs(value - middle));
   const double spread = std::max(kLeastSpread * step, Quantile(deviations, kWithin));
-  // How far two values of one surface may be apart.
+  // Largest difference of two values of one surface.
   const double jump = DepthJump(scale_ * middle) / scale_;
   pixel.middle = static_cast<float>(middle);
   pixel.spread = static_cast<float>(spread);

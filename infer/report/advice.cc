@@ -13,8 +13,8 @@ namespace volalign {
 
 namespace {
 
-/// Which sensors are known least, and to what a second still would bring the worst of all; empty
-/// where that is not more than what they have.
+/// Names the least certain sensors, and the largest standard deviation after a second capture.
+/// Empty if there are several captures already, or fewer than two such sensors.
 std::string AdviseSecondStill(const CalibrationResult& result) {
   std::vector<std::pair<double, const FrameResult*>> known;
   std::vector<Matrix6d> covariances;

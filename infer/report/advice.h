@@ -8,16 +8,16 @@
 
 namespace volalign {
 
-/// Covariances of sensors' poses (of delta, see PerturbLeft) as a second still would leave them in
-/// which the stack stands elsewhere and tells each sensor as much again. With x_i the pose of
-/// sensor i, s where the stack stands then and A_i the inverse of C_i, the second still adds
-/// sum_i (x_i - s)' A_i (x_i - s) to the information sum_i x_i' A_i x_i of the first; without s,
-/// and inverted, this is C_i / 2 + inverse(sum_j A_j) / 2. Sensors count as independent, and what
-/// a device measures wrong in both stills as if it were drawn anew: it is a lower bound.
-/// The covariances have to be positive definite.
+/// Covariances of sensors' poses (of delta, see PerturbLeft) after a second capture in which the
+/// stack stands elsewhere and tells each sensor as much again. Let x_i be the pose of sensor i, s
+/// the stack's place in it and A_i the inverse of C_i. The second capture adds sum_i (x_i - s)' A_i
+/// (x_i - s) to the information sum_i x_i' A_i x_i of the first. Without s, and inverted, this is
+/// C_i / 2 + inverse(sum_j A_j) / 2. Sensors count as independent, and a device's errors as drawn
+/// anew in the second capture, so it is a lower bound. The covariances have to be positive
+/// definite.
 std::vector<Matrix6d> WithSecondStill(const std::vector<Matrix6d>& covariances);
 
-/// What to do next, a sentence each; also where every sensor is ok.
+/// Returns the next steps, a sentence each; also if every sensor is ok.
 std::vector<std::string> Advise(const CalibrationResult& result);
 
 }  // namespace volalign

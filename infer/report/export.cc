@@ -33,7 +33,7 @@ namespace volalign {
 
 namespace {
 
-/// What a frame adds to the files of all.
+/// A frame's part of the common files.
 struct FrameFiles {
   RgbImage picture;
   std::vector<AlignedPoint> cloud;
@@ -41,18 +41,18 @@ struct FrameFiles {
   nlohmann::ordered_json report;
 };
 
-/// Points in report.html and in rig.glb: of one frame, and of all together.
+/// Most points in report.html and in rig.glb: of one frame, and of all together.
 constexpr std::size_t kReportPointsAFrame = 12000, kReportPoints = 120000;
 
-/// Folders that a calibration's images and clouds are in.
+/// Folders of a calibration's images and clouds.
 constexpr std::array<const char*, 3> kImageFolders = {"labels", "confidence", "pictures"};
 constexpr const char* kCloudFolder = "clouds";
 constexpr const char* kReportFile = "report.html";
 constexpr const char* kRigFile = "rig.glb";
 
-/// The sensors of one still, what they are seen against, and where their files go.
+/// The sensors of one capture, its structure, and the place of its files.
 struct StillFiles {
-  std::string name;  // folder in each of the folders; empty where there is only one still
+  std::string name;  // folder in each of the folders; empty for a single capture
   const std::vector<FrameResult>* sensors;
   const Structure* built;
   Pose first_from_placement = Pose::Identity();
@@ -63,7 +63,7 @@ struct StillFiles {
   }
 };
 
-/// A still's points in the frame of the first one.
+/// A capture's points in the structure frame of the first one.
 std::vector<AlignedPoint> CloudOf(const StillFiles& still, const FrameResult& sensor) {
   std::vector<AlignedPoint> cloud = AlignedPoints(sensor, *still.built);
   for (AlignedPoint& point : cloud) {
@@ -72,7 +72,7 @@ std::vector<AlignedPoint> CloudOf(const StillFiles& still, const FrameResult& se
   return cloud;
 }
 
-/// `points`: at most so many in the report; 0 without one.
+/// `points`: most points in the report; 0 without one.
 FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& still,
                       const FrameResult& sensor, int turns, std::size_t points) {
   const std::string png = sensor.name + ".png";
@@ -96,7 +96,7 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
 
 int AllThreads() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
 
-/// Returns what each frame adds to the report, without pictures and whole clouds.
+/// Returns the frames' parts of the report, without pictures and whole clouds.
 std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const StillFiles& still,
                                    std::size_t points) {
   const std::vector<FrameResult>& sensors = *still.sensors;
@@ -171,8 +171,8 @@ std::size_t ReportPointsAFrame(const std::vector<StillFiles>& stills) {
   return std::min(kReportPointsAFrame, kReportPoints / frames);
 }
 
-/// Paths of a still's files below a calibration's folder, whether they were written or not.
-/// `clouds`: of the placed sensors alone.
+/// Paths of a capture's files below a calibration's folder, whether they were written or not.
+/// `clouds`: names of the placed sensors.
 void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
               const std::vector<std::string>& clouds, std::set<std::filesystem::path>* paths) {
   const std::filesystem::path below = still;
@@ -184,7 +184,7 @@ void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
   paths->insert(kCloudFolder / below / "merged.ply");
 }
 
-/// The files of the run that `folder` has the results of. None where its extrinsics.json is none of
+/// The files of the run whose results are in `folder`. None if its extrinsics.json is not one of
 /// volalign's, of whatever version.
 std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder) {
   const std::filesystem::path path = folder / kExtrinsicsFile;
@@ -194,7 +194,7 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
     const nlohmann::json document = ParseStrictJson(ReadFile(path, kMaxResultBytes), path.string());
     const JsonObject root(document, path.string());
     if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return files;
-    // A name that leads elsewhere is none that volalign wrote.
+    // volalign writes no name that leads elsewhere.
     std::vector<std::string> sensors;
     for (const std::string& name : root.Child("sensors").Keys()) {
       if (IsFileName(name)) sensors.push_back(name);
@@ -216,7 +216,7 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
   return files;
 }
 
-/// What an earlier run wrote and this one does not.
+/// Files of an earlier run that this one does not write.
 std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folder,
                                               const std::vector<StillFiles>& stills, bool report) {
   std::set<std::filesystem::path> now;

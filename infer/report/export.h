@@ -14,20 +14,20 @@
 
 namespace volalign {
 
-/// Writes the draft of `folder` and publishes it, with what the caller has put there:
-/// extrinsics.json (last, so that it names a complete folder),
+/// Writes the draft of `folder` and publishes it, with the caller's files in it. Images are
 /// labels/NAME.png (ids), confidence/NAME.png (255 = certain), pictures/NAME.png and
-/// pictures/overview.png, clouds/NAME.ply of placed sensors and clouds/merged.ply. Of several
-/// stills, each has folders of its own in these (labels/STILL/NAME.png), and clouds are in the
-/// structure frame of the first. `stills` are those that `result` is of. With `report`, report.html
-/// and rig.glb, too. Of the sensors that an earlier extrinsics.json in the folder lists, the files
-/// that this run does not write go; nothing else is removed. Throws IoError.
+/// pictures/overview.png. Clouds are clouds/NAME.ply of placed sensors and clouds/merged.ply. Last
+/// comes extrinsics.json, so that it names a complete folder. With `report`, report.html and
+/// rig.glb are written too. Each of several captures has folders of its own in these
+/// (labels/CAPTURE/NAME.png), and clouds are in the structure frame of the first. The third
+/// argument has the captures of `result`. Files of sensors in an earlier extrinsics.json are
+/// removed if this run does not write them; nothing else is. Throws IoError.
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source,
                       const std::optional<ReportRun>& report = std::nullopt);
 
-/// report.html alone. Writes atomically. Throws IoError.
+/// Writes report.html alone, atomically. Throws IoError.
 void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
                      const std::vector<Still>& stills, const Structure& structure,
                      const ExtrinsicsSource& source, const ReportRun& run);

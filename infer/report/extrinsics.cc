@@ -36,7 +36,7 @@ template <class Archive>
 void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   Describe(ar, static_cast<SensorOutcome&>(sensor));
   ar("intrinsics", sensor.intrinsics);
-  // The first files have the given ones alone.
+  // The first files have the given intrinsics alone.
   ar.Later("intrinsics_given", sensor.intrinsics_given);
   ar.Later("lens", sensor.lens);
   ar.Optional("sensor", sensor.sensor);

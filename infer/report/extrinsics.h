@@ -21,19 +21,19 @@ namespace volalign {
 inline constexpr char kExtrinsicsFormat[] = "volalign.extrinsics/1";
 inline constexpr char kExtrinsicsFile[] = "extrinsics.json";  ///< in a calibration's folder
 
-/// Where a calibration's input came from.
+/// The origin of a calibration's input.
 struct ExtrinsicsSource {
-  std::vector<std::string> captures;                    ///< of each still
+  std::vector<std::string> captures;                    ///< file of each capture
   std::string model_file, model_sha256, model_runtime;  ///< empty without a network
   std::string date = UtcNow();                          ///< of the calibration
-  std::string note;                                     ///< what the operator says of it
+  std::string note;                                     ///< the operator's words
 };
 
-/// extrinsics.json (docs/formats.md). Its keys stand in extrinsics.cc and describe_result.h. A
-/// number that is not finite is a key that is absent from the file, and NaN when it is read: one
-/// such number does not take the other sensors' poses with it.
+/// The content of extrinsics.json (docs/formats.md). Its keys are in extrinsics.cc and
+/// describe_result.h. A number that is not finite is absent from the file and NaN when it is read.
+/// It thus does not spoil the other sensors' poses.
 struct Extrinsics {
-  /// The colour camera beside a depth camera; its pose, where the depth camera has one.
+  /// The colour camera beside a depth camera, with its pose if the depth camera has one.
   struct Colour : ColourCamera {
     std::optional<Pose> structure_from_colour;
   };
@@ -46,7 +46,7 @@ struct Extrinsics {
     std::optional<Colour> colour;
   };
 
-  /// A box as it was found: displacement of its centre, m, and turn about the vertical through it.
+  /// A box as found: displacement of its centre, m, and turn about the vertical through it.
   struct Box {
     std::string name;
     bool estimated = false;
@@ -55,22 +55,23 @@ struct Extrinsics {
     double sigma_x_m = 0, sigma_z_m = 0, sigma_yaw_deg = 0;
   };
 
-  /// Of all boxes.
+  /// The common size of all boxes.
   struct Size {
     bool estimated = false;
     double scale = 1, sigma = 0;
   };
 
-  /// Where the stack stood in a still.
+  /// The stack's place in a capture.
   struct Placement {
-    std::string name;     ///< folder of its labels and pictures, of several stills
+    std::string name;     ///< folder of its labels and pictures, if there are several
     std::string capture;  ///< its file
     Pose first_from_placement = Pose::Identity();
     Eigen::Vector3d sigma_translation_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d sigma_rotation_deg = Eigen::Vector3d::Zero();
-    std::vector<std::string> sensors;  ///< that are placed in it
+    std::vector<std::string> sensors;  ///< the placed ones
     std::vector<Box> boxes;
-    /// Of delta, see PerturbLeft. NaN where the file, of an earlier version, has the sigmas alone.
+    /// Covariance of delta, see PerturbLeft. NaN in files of an earlier version, which have the
+    /// sigmas alone.
     Matrix6d covariance = Matrix6d::Zero();
   };
 
@@ -80,13 +81,13 @@ struct Extrinsics {
   };
   struct Model {
     std::string file, sha256;
-    std::string runtime;  ///< that ran it: "LibTorch 1.13.1"; "" in files of 0.1.0
+    std::string runtime;  ///< library that ran it: "LibTorch 1.13.1"; "" in files of 0.1.0
   };
 
-  // What made the file; date and libraries are "" in files of 0.1.0.
+  // The origin of the file; date and libraries are "" in files of 0.1.0.
   std::string tool, date;  ///< see core/base/provenance.h
-  std::string libraries;   ///< those that poses depend on: "Ceres 2.1.0, Eigen 3.4.0"
-  std::string note;        ///< what the operator said of it
+  std::string libraries;   ///< those that affect poses: "Ceres 2.1.0, Eigen 3.4.0"
+  std::string note;        ///< the operator's words
   std::vector<std::string> captures;
   StructureId structure;
   std::optional<Model> model;
@@ -94,9 +95,9 @@ struct Extrinsics {
   std::vector<RigFinding> findings;        ///< CalibrationResult::findings
   std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored
   std::vector<Sensor> sensors;
-  std::vector<Box> boxes;  ///< as the first still shows them
+  std::vector<Box> boxes;  ///< as the first capture shows them
   Size size;
-  std::vector<Placement> placements;  ///< of the stills
+  std::vector<Placement> placements;  ///< of the captures
   SolveReport solution;
   std::vector<PairResult> pairs;
   std::vector<RigAlternative> alternatives;
@@ -104,18 +105,19 @@ struct Extrinsics {
   std::vector<std::pair<std::string, double>> timings_s;
 };
 
-/// A sensor with numbers that are not finite is demoted (DemoteIfNotFinite).
+/// Gathers the file's content. A sensor with numbers that are not finite is demoted
+/// (DemoteIfNotFinite).
 Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
                           const Structure& structure, const ExtrinsicsSource& source);
 
-/// The file's content. `where` begins every message. Throws as WriteExtrinsics.
+/// The file's JSON. `where` begins every message. Throws as WriteExtrinsics.
 nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where);
 
 /// Writes atomically. Throws IoError, or Error for a sensor's own pose or intrinsics that are not
 /// finite.
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics);
 
-/// Reads what WriteExtrinsics wrote, strictly; of a folder, its extrinsics.json. Sensors and
+/// Reads a file of WriteExtrinsics strictly, or the extrinsics.json of a folder. Sensors and
 /// timings come in alphabetical order. Throws IoError or DataError.
 Extrinsics ReadExtrinsics(const std::filesystem::path& file_or_folder);
 

@@ -20,10 +20,10 @@ namespace volalign {
 namespace {
 
 constexpr int kWidestFrame = 480;  // pixels; larger ones are thinned out
-constexpr Rgb kEdge{255, 40, 90};  // a colour that DepthColour has not
-constexpr double kOnSide = 0.1;    // m, as far as the RMS to the structure counts
+constexpr Rgb kEdge{255, 40, 90};  // DepthColour does not have it
+constexpr double kOnSide = 0.1;    // m, limit of the RMS to the structure, too
 
-/// Range of depths to colour: where the middle 96 % of the pixels lie.
+/// Range of depths to colour, of the middle 96 % of the pixels.
 std::pair<double, double> DepthRange(const DepthImage& depth) {
   std::vector<float> values;
   std::copy_if(depth.begin(), depth.end(), std::back_inserter(values),
@@ -59,7 +59,7 @@ Pixels Thinned(const Pixels& image, int stride) {
   return stride > 1 ? DecimateImage(image, stride) : image;
 }
 
-/// Draws the pixels of the structure beside which another side, or none, begins.
+/// Draws the pixels of the structure at which another side, or none, begins.
 void DrawEdges(const ExpectedView& view, int stride, RgbImage* picture) {
   const DepthImage depth = Thinned(view.depth, stride);
   const LabelImage labels = Thinned(view.labels, stride);

@@ -18,7 +18,7 @@ namespace {
 constexpr int kMargin = 6;                     // pixels, between everything
 constexpr int kLine = kTextHeight + 3;         // from one line of text to the next
 constexpr int kSwatch = 10;                    // side of a legend's square
-constexpr int kScaleBlock = kScaleHeight + 6;  // a scale and what is free below it
+constexpr int kScaleBlock = kScaleHeight + 6;  // a scale and the space below it
 constexpr int kGap = 2;                        // between panels, as Montage has it
 
 struct LegendEntry {

@@ -9,11 +9,11 @@
 
 namespace volalign {
 
-/// 0 to 1 as 0 to 255.
+/// Converts 0 to 1 into 0 to 255.
 LabelImage ConfidenceImage(const Image<float>& confidence);
 
-/// A frame's panels side by side under the sensor's name, status and figures, each with its caption
-/// and its scale. `caption_labels`: a legend of the sides' colours below them.
+/// A frame's panels side by side under the sensor's name, status and figures. Each has its caption
+/// and its scale. `caption_labels`: with a legend of the sides' colours below.
 RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
                        const Structure& structure, bool caption_labels);
 

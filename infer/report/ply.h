@@ -18,18 +18,18 @@ struct AlignedPoint {
   Rgb colour;                                   ///< of the label; grey for background
   std::uint8_t label = 0;
   float confidence = 0;
-  /// m: to the side that the label names, or, for background, to the structure.
+  /// m: distance to the label's side, or, for background, to the structure.
   float residual = 0;
   /// m: to the plane of that side, positive outside the box; NaN for background.
   float side_residual = std::numeric_limits<float>::quiet_NaN();
 };
 
-/// Points of a sensor within `max_radius` m of the structure's vertical axis, depths corrected by
-/// its gain and offset; none without a pose.
+/// Points of a sensor within `max_radius` m of the structure's vertical axis, with depths corrected
+/// by its gain and offset. None without a pose.
 std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure,
                                         double max_radius = 3.0);
 
-/// Binary little-endian PLY: x y z red green blue label confidence residual. Atomic. Throws
+/// Writes binary little-endian PLY: x y z red green blue label confidence residual. Atomic. Throws
 /// IoError.
 void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points);
 

@@ -25,8 +25,8 @@ bool IsLivescan(PoseFormat format) {
   return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
 }
 
-/// Where the camera whose points LiveScan3D's client of that device transforms is to the depth
-/// camera: p_camera = T p_depth.
+/// Pose of the camera whose points LiveScan3D's client of that device transforms: p_camera = T
+/// p_depth.
 Pose LivescanCamera(PoseFormat format, const std::string& name,
                     const std::optional<ColourCamera>& colour) {
   if (format == PoseFormat::kLivescanKinectV2) {
@@ -82,7 +82,7 @@ bool IsZUp(PoseFormat format) {
   return format == PoseFormat::kRos || format == PoseFormat::kVolumetricCapture;
 }
 
-/// The axis that is up in every file of the format; "" where it leaves the choice.
+/// The axis that is up in every file of the format; "" if it leaves the choice.
 std::string FixedUp(PoseFormat format) {
   return IsZUp(format) ? "z" : format == PoseFormat::kUnity ? "y" : "";
 }
@@ -104,7 +104,7 @@ const SensorPose& SensorNamed(const std::vector<SensorPose>& poses, const std::s
                   name, fmt::join(names, ", ")));
 }
 
-/// Of the colour cameras, instead of the depth cameras.
+/// The poses of the colour cameras instead of the depth cameras.
 std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
   std::vector<SensorPose> colour;
   for (const SensorPose& pose : poses) {
@@ -125,7 +125,7 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
   return colour;
 }
 
-/// p_world = T p_structure, and what the file says of the world.
+/// p_world = T p_structure, and the file's description of the world.
 std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
                                    const WorldChoice& choice) {
   const std::string fixed = FixedUp(format);
@@ -162,7 +162,7 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
   return {up == "z" ? ZUp() * world : world, frame};
 }
 
-/// Of a format that is one text.
+/// The functions of a format that is one text.
 struct TextCodec {
   PoseFormat format;
   Poses (*read)(const std::string& text, const std::string& name);
@@ -206,8 +206,8 @@ bool HoldsIntrinsics(PoseFormat format) {
          format != PoseFormat::kCwipc && !IsLivescan(format);
 }
 
-/// What becomes of the depth corrections, each with its size at the structure's distance; "" where
-/// there are none.
+/// A sentence on the depth corrections, each with its size at the structure's distance; "" without
+/// any.
 std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, bool colour) {
   std::vector<std::string> sensors;
   for (const SensorPose& pose : poses) {
@@ -229,7 +229,7 @@ std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, b
       fmt::join(sensors, ", "));
 }
 
-/// Throws where the format cannot be written; what it leaves out.
+/// Throws if the format cannot be written. Returns a sentence on everything that it leaves out.
 std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorPose>& poses) {
   const bool needs = format == PoseFormat::kOpen3d || format == PoseFormat::kColmap;
   bool intrinsics = false, distortion = false;

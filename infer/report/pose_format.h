@@ -13,7 +13,7 @@
 
 namespace volalign {
 
-/// Files in which programs keep camera poses; docs/conversion.md says what stands in each.
+/// Files of camera poses of other programs; docs/conversion.md describes each.
 enum class PoseFormat {
   kVolalign,
   kPoses,
@@ -47,47 +47,46 @@ constexpr Words<PoseFormat, 14> WordsOf(PoseFormat) {
            {"csv", PoseFormat::kCsv}}};
 }
 
-/// Colour cameras by their sensors' names. livescan3d_azure, whose points are the colour camera's,
-/// needs that of every sensor, to be read and to be written.
+/// Colour cameras by their sensors' names. livescan3d_azure has points of the colour camera, so
+/// reading and writing it needs that of every sensor.
 using ColourCameras = std::map<std::string, ColourCamera>;
 
-/// The world that a file's poses are in, and the camera that they are of.
+/// The world frame of a file's poses, and the camera that they belong to.
 struct WorldChoice {
-  /// "structure": the structure's own origin; "floor": the point of the floor below it; or a
+  /// "structure": the structure's own origin. "floor": the point of the floor below it. Else a
   /// sensor's name.
   std::string origin = "structure";
-  /// "y" or "z": the axis that is up, z by (x, y, z) -> (x, -z, y). "": what the format says, z for
-  /// ros and volumetric_capture, else y; with a sensor as the origin, that camera's own axes in the
-  /// formats that leave the choice (not in ros, unity and volumetric_capture), so that its pose is
-  /// the identity.
+  /// The axis that is up: "y", or "z" by (x, y, z) -> (x, -z, y). If empty, it is the format's own
+  /// axis: z for ros and volumetric_capture, else y. With a sensor as the origin and no axis, the
+  /// camera's own axes are taken and its pose is the identity. Not so in ros, unity and
+  /// volumetric_capture, which have a fixed axis.
   std::string up;
-  bool colour = false;  ///< poses and intrinsics of the colour cameras, not of the depth cameras
-  /// Height of the floor in the structure frame, m, which "floor" needs.
+  bool colour = false;  ///< poses and intrinsics of colour cameras, not depth cameras
+  /// Height of the floor in the structure frame, m; "floor" needs it.
   std::optional<double> floor_m;
 };
 
-/// Throws ConfigError, with all words, for one that is none of them.
+/// Parses a format's word. Throws ConfigError with all words for any other.
 PoseFormat ParsePoseFormat(const std::string& word);
 
-/// Whether poses in that format are a folder of files.
+/// Is that format a folder of files?
 bool IsFolder(PoseFormat format);
 
-/// Reads a file, or a folder where the format is one; of `volalign`, also the folder of a
-/// calibration. Formats without names name the sensors by
-/// their number. Poses are as the file has them, y up. Sensors get the colour cameras given for
-/// them, which go before those of the file. Throws IoError, DataError, or ConfigError where a
+/// Reads a file, or a folder if the format is one, or the folder of a calibration for `volalign`.
+/// Formats without names name the sensors by their number. Poses are as in the file, y up. Colour
+/// cameras in `colour` replace those of the file. Throws IoError, DataError, or ConfigError if a
 /// colour camera is needed and not known.
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
                                   const ColourCameras& colour = {});
 
-/// The floor's height in the structure frame, m; none where the file does not say it. Throws as
+/// The floor's height in the structure frame, m; none if the file does not have it. Throws as
 /// ReadPoses.
 std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format);
 
-/// Writes atomically, over what is there. Returns what the format has no place for and what
-/// becomes of the depth corrections, a sentence each. Throws IoError, or ConfigError for
-/// `volalign`, which only `volalign calibrate` writes, and where something is not known that the
-/// format or the choice needs.
+/// Writes atomically, over existing files. Returns a sentence for everything that the format has no
+/// place for, and one on the depth corrections. Throws IoError. Throws ConfigError for `volalign`,
+/// which only `volalign calibrate` writes, and if the format or the choice needs something that is
+/// not known.
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
                                     const std::vector<SensorPose>& poses,
                                     const WorldChoice& choice = {});

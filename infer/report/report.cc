@@ -25,8 +25,8 @@ const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::stri
   return nullptr;
 }
 
-/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it; and
-/// a line on those that are farthest apart, and on those of which is known least.
+/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it. A
+/// line names the largest distance and the least certain pair.
 std::string OverlapTable(const CalibrationResult& result) {
   constexpr std::size_t kWidest = 16;  // sensors
   if (result.pairs.empty()) return "";
@@ -89,7 +89,7 @@ std::string SensorTable(const std::vector<FrameResult>& sensors) {
   return text + '\n';
 }
 
-/// Of a sensor that disagrees with the others.
+/// Both poses of a sensor that disagrees with the others.
 std::string BothPoses(const FrameResult& sensor) {
   const auto place = [](const Pose& pose) {
     const Eigen::Vector3d& t = pose.translation();
@@ -119,10 +119,10 @@ std::string Findings(const std::vector<RigFinding>& findings) {
   return text;
 }
 
-/// Why sensors are not ok, and what their views leave open.
+/// Reasons of sensors that are not ok, and directions that views leave open.
 std::string Reasons(const std::vector<FrameResult>& sensors) {
   std::string text;
-  // What is said of several sensors is said once.
+  // Reasons that several sensors have are given once.
   std::vector<char> said(sensors.size(), 0);
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     const FrameResult& sensor = sensors[i];
@@ -151,13 +151,12 @@ std::string Reasons(const std::vector<FrameResult>& sensors) {
   return text;
 }
 
-/// Rounded to so many digits, without the sign of a zero.
 double Rounded(double value, int digits) {
   const double scale = std::pow(10, digits);
   return std::round(value * scale) / scale + 0.0;
 }
 
-/// `where`: "in NAME: " of one of several stills.
+/// `where`: "in NAME: " if there are several captures.
 std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& boxes,
                     const Structure& built) {
   std::string text;
@@ -186,7 +185,7 @@ std::string Boxes(const CalibrationResult& result) {
   return text;
 }
 
-/// Of several stills, where the stack stood in each, and which sensors say so.
+/// The stack's place in each of several captures, and the sensors that show it.
 std::string Placements(const CalibrationResult& result) {
   std::string text;
   for (std::size_t s = 0; s < result.stills.size(); ++s) {
@@ -217,7 +216,7 @@ std::string Placements(const CalibrationResult& result) {
   return text;
 }
 
-/// What was taken for the lens, and whether the capture gives one.
+/// The origin of the lens, and whether the capture gives one.
 std::string Words(LensSource source, bool distortion_given) {
   const std::string why = distortion_given ? "the lens differs from the one given: it"
                                            : "no lens distortion is given: it";
@@ -234,8 +233,7 @@ std::string Words(LensSource source, bool distortion_given) {
   return "";
 }
 
-/// Of the sensors whose intrinsics are not those given; those whose lens comes from the same source
-/// in one line.
+/// A line for each source of lenses, with the sensors whose intrinsics are not as given.
 std::string Lenses(const std::vector<FrameResult>& sensors) {
   struct Group {
     std::vector<std::string> names;

@@ -71,8 +71,7 @@ int AddPyramid(tinygltf::Model* model, const Extrinsics::Sensor& sensor) {
   return AddMesh(model, std::move(mesh));
 }
 
-/// The camera is a child, so that programs that take a node's mesh or its camera, not both, show
-/// both.
+/// The camera is a child: some programs show a node's mesh or its camera, not both.
 int AddSensor(tinygltf::Model* model, const Extrinsics::Sensor& sensor) {
   tinygltf::Node camera;
   camera.name = sensor.name + " camera";

@@ -13,16 +13,17 @@ namespace volalign {
 /// The points of one frame.
 struct RigCloud {
   std::string sensor;
-  std::string still;                 ///< empty where there is only one
-  std::vector<AlignedPoint> points;  ///< structure frame of the first still
+  std::string still;                 ///< empty for a single capture
+  std::vector<AlignedPoint> points;  ///< structure frame of the first capture
 };
 
-/// Writes the rig as glTF 2.0 (.glb), in the structure's frame, metres: the stack as found, of each
-/// placed sensor a node `NAME` with a camera and the pyramid of its view in lines (glTF's cameras
-/// look along -z with y up: structure_from_sensor times diag(1, -1, -1)), and its points, coloured
-/// by label. `structures`: as found, of each still; the first's placement is the identity. A sensor
-/// node's `extras` have status, structure_from_sensor (16 numbers, row-major) and the intrinsics,
-/// whose principal point and lens glTF cannot say. Throws IoError.
+/// Writes the rig as glTF 2.0 (.glb), in the structure frame, metres: the stack as found, the
+/// sensors, and their points, coloured by label. Each placed sensor is a node `NAME` with a camera
+/// and the pyramid of its view in lines. A camera of glTF looks along -z with y up:
+/// structure_from_sensor times diag(1, -1, -1). `structures`: as found, for each capture; the
+/// first's placement is the identity. A sensor node's `extras` have status, structure_from_sensor
+/// (16 numbers, row-major) and the intrinsics. A camera of glTF has no principal point and no lens.
+/// Throws IoError.
 void WriteRigGlb(const std::filesystem::path& path, const Extrinsics& extrinsics,
                  const std::vector<Structure>& structures, const std::vector<RigCloud>& clouds);
 

@@ -7,8 +7,8 @@
 
 namespace volalign {
 
-/// The sensors as the table of FormatReport has them, one row each; with code, reason and hint of
-/// those that are not ok.
+/// The table of FormatReport: one row per sensor, with code, reason and hint of those that are not
+/// ok.
 Table SensorsTable(const std::vector<FrameResult>& sensors);
 
 }  // namespace volalign

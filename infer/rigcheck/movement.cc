@@ -18,12 +18,12 @@ namespace volalign {
 namespace {
 
 constexpr int kFreedoms = 6;      // of a pose
-constexpr double kPower = 1.645;  // standard deviations that 95 % of a normal distribution exceed
+constexpr double kPower = 1.645;  // 95 % of a normal distribution exceed -kPower
 constexpr int kMotionIterations = 4;
-/// m and deg: sensors that have each other's intrinsics come out so far from where they stand.
+/// m and deg: most error of a place and aim with another sensor's intrinsics.
 constexpr double kSameStand = 0.15, kSameAim = 5;
 
-/// The sensor that stood where this pose is, or null.
+/// The sensor whose last pose is about this one, or null.
 const SensorEstimate* NearestPlace(const std::vector<SensorEstimate>& last, const Pose& pose) {
   const SensorEstimate* nearest = nullptr;
   double distance = kSameStand;
@@ -36,19 +36,18 @@ const SensorEstimate* NearestPlace(const std::vector<SensorEstimate>& last, cons
   return nearest;
 }
 
-/// Of a square of `kFreedoms` standard normal numbers: the probability of more than `square`.
+/// Probability that the sum of squares of `kFreedoms` standard normal numbers exceeds `square`.
 double ChiSquareTail(double square) {
   return Eigen::numext::igammac(0.5 * kFreedoms, 0.5 * std::max(square, 0.0));
 }
 
-/// The same where the variance is the one that `freedoms` others show, by which the square was
-/// divided.
+/// The same if `square` was divided by a variance that `freedoms` others show.
 double FTail(double square, double freedoms) {
   return Eigen::numext::betainc(0.5 * freedoms, 0.5 * kFreedoms,
                                 freedoms / (freedoms + std::max(square, 0.0)));
 }
 
-/// Two poses of one sensor, and what one motion of the structure makes of them.
+/// Two poses of one sensor, compared through a motion of the structure.
 struct PosePair {
   const SensorEstimate* last;
   const SensorEstimate* now;
@@ -70,7 +69,7 @@ double Square(const Vector6d& difference, const Matrix6d& covariance) {
   return difference.dot(covariance.ldlt().solve(difference));
 }
 
-/// What a set of sensors that stayed says about the structure's motion.
+/// The structure's motion by a set of sensors that stayed.
 struct Motion {
   Pose last_from_now = Pose::Identity();
   Matrix6d covariance = Matrix6d::Zero();
@@ -82,8 +81,8 @@ struct Motion {
     if (sensors < 2) return 1;
     return std::clamp(squares / freedoms(), options.least_variance_factor, 1.0);
   }
-  /// Probability of a difference of a sensor that is none of them, if it stayed too. `square`: with
-  /// the covariances of both captures and of the motion.
+  /// Probability of the difference of another sensor, if it stayed too. `square`: with the
+  /// covariances of both captures and of the motion.
   double Probability(double square, const MovementOptions& options) const {
     const double expected = ChiSquareTail(square);
     const double factor = VarianceFactor(options);
@@ -115,7 +114,7 @@ Motion FitMotion(const std::vector<PosePair>& pairs, const Set& set, const Pose&
   return motion;
 }
 
-/// Probability that sensor i, which is none of the motion's, is so far from it by chance.
+/// Probability that sensor i, which is not one of the motion's, is so far from it by chance.
 double Probability(const std::vector<PosePair>& pairs, std::size_t i, const Motion& motion,
                    const MovementOptions& options) {
   const Matrix6d covariance = pairs[i].Covariance(motion.last_from_now) + motion.covariance;
@@ -129,8 +128,8 @@ Set Without(const Set& set, std::size_t i) {
   return others;
 }
 
-/// The sensors that agree with sensor `first` on one motion: the nearest, one by one, as long as
-/// there are any; then those among them that the others contradict go again.
+/// The sensors that agree with sensor `first` on one motion. The nearest ones are added one by one,
+/// as long as any agrees. Then those that the others contradict are removed again.
 Set Agreeing(const std::vector<PosePair>& pairs, std::size_t first,
              const MovementOptions& options) {
   Set set{first};
@@ -166,8 +165,8 @@ Set Agreeing(const std::vector<PosePair>& pairs, std::size_t first,
 }
 
 struct Sets {
-  Set stayed;     ///< in every largest set that agrees; empty if that is no more than half of all
-  Set contested;  ///< in some of these sets only
+  Set stayed;     ///< in every largest set that agrees; empty if these are at most half
+  Set contested;  ///< only in some of these sets
 };
 
 Sets LargestSets(const std::vector<PosePair>& pairs, const MovementOptions& options) {
@@ -194,8 +193,8 @@ Sets LargestSets(const std::vector<PosePair>& pairs, const MovementOptions& opti
   return sets;
 }
 
-/// The square, in standard deviations, that a movement has in the mean so that the test finds it
-/// with 95 % probability. By the normal approximation of the noncentral chi-square distribution.
+/// The mean square, in standard deviations, of a movement that the test finds with 95 %
+/// probability. By the normal approximation of the noncentral chi-square distribution.
 double FoundSquare(const Motion& motion, const MovementOptions& options) {
   double low = 0, high = 1e6;  // the square at which the test's probability is false_alarm
   for (int i = 0; i < 100; ++i) {
@@ -208,8 +207,8 @@ double FoundSquare(const Motion& motion, const MovementOptions& options) {
   return factor * (m + 2 * p2 + kPower * std::sqrt(4 * m + 4 * p2 + 2 * kFreedoms));
 }
 
-/// Standard deviation, m or rad, in the direction of a movement in which the test tells least:
-/// `directions` are its derivatives.
+/// Standard deviation, m or rad, in the least certain direction of a movement with the derivatives
+/// `directions`.
 double LargestSigma(const Matrix6d& information, const Eigen::Matrix<double, 6, 3>& directions) {
   const Eigen::Matrix3d told = directions.transpose() * information * directions;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(told, Eigen::EigenvaluesOnly);
@@ -237,7 +236,7 @@ std::vector<PosePair> PairUp(const std::vector<SensorEstimate>& last,
   return pairs;
 }
 
-/// A sensor against the motion of those that stayed, without itself.
+/// Compares a sensor with the motion of those that stayed, without itself.
 SensorMovement Compare(const PosePair& pair, const Motion& others, Movement movement,
                        const MovementOptions& options) {
   SensorMovement out;
@@ -295,7 +294,7 @@ Movements FindMovements(const std::vector<SensorEstimate>& last,
 
 std::vector<Exchanged> FindExchanged(const std::vector<SensorEstimate>& last,
                                      const std::vector<SensorEstimate>& now) {
-  // Of the most sensors that stand where one stood, as many in their own place as can be.
+  // Most sensors have to stand where one stood; then as many as possible in their own place.
   std::vector<Exchanged> best;
   std::pair<std::size_t, std::size_t> most(0, 0);
   for (const SensorEstimate& from : now) {
@@ -320,7 +319,7 @@ std::vector<Exchanged> FindExchanged(const std::vector<SensorEstimate>& last,
       }
     }
   }
-  // In one place each: two that are merely moved next to each other's are not exchanged.
+  // Two sensors that merely moved next to each other's places are not exchanged.
   std::set<std::string> names, places;
   for (const auto& [name, place_of] : best) {
     names.insert(name);

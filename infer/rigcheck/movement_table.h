@@ -5,7 +5,7 @@
 
 namespace volalign {
 
-/// The sensors as the table of FormatRigCheck has them, one row each.
+/// The table of FormatRigCheck, one row per sensor.
 Table MovementTable(const Movements& movements);
 
 }  // namespace volalign

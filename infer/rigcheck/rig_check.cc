@@ -24,7 +24,6 @@ const Sensor* Find(const Extrinsics& extrinsics, const std::string& name) {
   return found == extrinsics.sensors.end() ? nullptr : &*found;
 }
 
-/// Whether a sensor has what a comparison needs.
 bool IsComparable(const Sensor& sensor) {
   return sensor.structure_from_sensor && sensor.covariance.allFinite();
 }
@@ -38,7 +37,7 @@ std::vector<SensorEstimate> EstimatesOf(const Extrinsics& extrinsics) {
   return estimates;
 }
 
-/// Why a sensor has no pose to compare, "" if it has. `when`: "now" or "last time".
+/// Why a sensor has no pose to compare; "" if it has one. `when`: "now" or "last time".
 std::string Lacks(const Sensor* sensor, const std::string& when) {
   if (!sensor) return fmt::format("the rig does not have it {}", when);
   if (!sensor->structure_from_sensor) {
@@ -53,7 +52,7 @@ void TurnInto(const Pose& last_from_now, Sensor* sensor) {
   sensor->structure_from_sensor = last_from_now * *sensor->structure_from_sensor;
 }
 
-/// Names of what UpdateExtrinsics takes from the new capture.
+/// Names of the sensors that UpdateExtrinsics takes from the new capture.
 std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
                                  const RigCheck& check) {
   std::vector<std::string> names;
@@ -122,8 +121,7 @@ std::string Sentence(const Movements& movements) {
                     1000 * found_m, found_deg);
 }
 
-/// What to know of the comparison.
-/// Which sensors stand where others stood; empty where none does.
+/// Names sensors that stand where others stood; empty if none does.
 std::string Exchange(const RigCheck& check) {
   std::string stand;
   for (const auto& [name, place_of] : check.exchanged) {

@@ -19,8 +19,8 @@ void AppendInt16(std::string* bytes, double steps) {
   *bytes += static_cast<char>(bits >> 8);
 }
 
-/// One point of each of `most` equal stretches of the list, at a place that differs from stretch to
-/// stretch: rows and columns of pixels leave no pattern.
+/// Takes one point of each of `most` equal stretches of the list. Its place differs from stretch to
+/// stretch, so that rows and columns of pixels leave no pattern.
 void TakeEvenly(const std::vector<const AlignedPoint*>& points, std::size_t most,
                 std::vector<AlignedPoint>* taken) {
   const std::size_t count = std::min(most, points.size());

@@ -15,7 +15,7 @@ std::string PngDataUri(const RgbImage& picture);
 /// "#rrggbb"
 std::string HexColour(Rgb colour);
 
-/// A cloud as the page holds it: little-endian bytes, in base64.
+/// A cloud in the page: little-endian bytes, in base64.
 inline constexpr double kPointStep = 0.0005;      ///< m, of a coordinate, in 16 bits
 inline constexpr double kResidualStep = 0.00025;  ///< m, of a residual, in 8 bits
 inline constexpr int kNoResidual = -128;
@@ -27,8 +27,7 @@ struct EncodedCloud {
 };
 EncodedCloud EncodeCloud(const std::vector<AlignedPoint>& points);
 
-/// At most so many of the points, evenly taken; those with a label have precedence up to six
-/// tenths.
+/// Takes at most `most` of the points, evenly. Points with a label come first, up to six tenths.
 std::vector<AlignedPoint> ThinCloud(const std::vector<AlignedPoint>& points, std::size_t most);
 
 }  // namespace volalign

@@ -16,7 +16,7 @@ namespace volalign {
 
 namespace {
 
-/// JSON that can stand in a script element: no "</script>" and no "<!--".
+/// JSON for a script element: without "</script>" and "<!--".
 std::string ForScript(const nlohmann::ordered_json& payload) {
   const std::string text =
       payload.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
@@ -34,7 +34,7 @@ std::string ReportPage(const nlohmann::ordered_json& payload) {
       {"{{scripts}}", std::string(assets::kFormatScript) + assets::kTablesScript +
                           assets::kFramesScript + assets::kSceneScript + assets::kViewerScript +
                           assets::kMainScript}};
-  // From left to right, so that nothing that is put in is looked at again.
+  // From left to right, so that inserted text is not searched.
   const std::string page = assets::kPage;
   std::string filled;
   std::size_t at = 0;

@@ -60,7 +60,7 @@ Json Boxes(const Structure& structure) {
   return boxes;
 }
 
-/// Beyond which a sensor is weak, of the options that the calibration had.
+/// Limits of a weak sensor, by the options of the calibration.
 Json Limits(const std::string& options) {
   const VerdictOptions verdict =
       ReadConfig<CalibrateOptions>(ConfigSource::FromString(options, "options")).verdict;

@@ -11,14 +11,14 @@
 
 namespace volalign {
 
-/// What the report shows of one frame: its pictures and its cloud, ready for the page.
+/// A frame's pictures and its cloud for the report.
 struct ReportFrame {
   std::string sensor;
   FramePanels panels;
-  std::vector<AlignedPoint> cloud;  ///< thinned, in the structure frame of the first still
+  std::vector<AlignedPoint> cloud;  ///< thinned, in the structure frame of the first capture
 };
 
-/// One still: the structure as found, and its frames as JSON (ReportFrameJson).
+/// One capture: the structure as found, and its frames as JSON (ReportFrameJson).
 struct ReportStill {
   std::string name;
   Structure built;
@@ -30,26 +30,25 @@ struct ReportRun {
   std::string command;                 ///< as typed
   std::string options;                 ///< all of them, YAML
   std::vector<std::string> next = {};  ///< commands that may follow, each after a comment
-  /// Of a check of an earlier calibration: check.json, and what it says in sentences, the headline
-  /// first.
+  /// The check of an earlier calibration: check.json, and its sentences, the headline first.
   std::string check = "";
   std::vector<std::string> checked = {};
 };
 
-/// A frame's part of the payload. Encodes pictures: to be called for several frames at a time.
+/// A frame's part of the payload. It encodes pictures, so call it for several frames in parallel.
 nlohmann::ordered_json ReportFrameJson(const ReportFrame& frame);
 
-/// What the page says and shows of the rig as a whole.
+/// The page's content on the rig as a whole.
 struct ReportRig {
   std::string notes;                ///< sentences, a line each
   std::vector<std::string> advice;  ///< Advise
   std::string from_above;           ///< PlacedFromAbove
   std::vector<nlohmann::ordered_json>
-      alternatives;  ///< AlternativeJson, of each of Extrinsics::alternatives
+      alternatives;  ///< AlternativeJson of each of Extrinsics::alternatives
 };
 
-/// Everything that the page shows (docs/report.md): extrinsics.json as it is written, and beside it
-/// what that file does not have.
+/// The page's content (docs/report.md): extrinsics.json as written, and everything that this file
+/// does not have.
 nlohmann::ordered_json ReportPayload(const Extrinsics& extrinsics,
                                      const std::vector<ReportStill>& stills, const ReportRig& rig,
                                      const ReportRun& run);

@@ -9,17 +9,17 @@
 
 namespace volalign {
 
-/// The placed sensors from above as SVG (RigFromAbove), by each name its horizontal distance from
-/// the structure's origin and its height above the floor. With `alternative`, as that set has them:
-/// without ellipses, and in another colour where a pose is another one.
+/// The placed sensors from above as SVG (RigFromAbove). Each name has its horizontal distance from
+/// the structure's origin and its height above the floor. With `alternative`, the sensors are as in
+/// that set, without ellipses; other poses have another colour.
 std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Structure& built,
                             const RigAlternative* alternative = nullptr);
 
-/// What the page shows of a set of poses that the rig may have instead: the rig from above, of each
-/// sensor whose pose is another one its picture with the edges at that pose, and by how much the
-/// structure's outlines at both poses differ (1 - intersection over union of the pixels that show
-/// it). `of_still`: the sensors with their images, of the still whose choice it is; their poses,
-/// and `built`, in the structure as it stood then. `sensors`: of all stills.
+/// The page's content on another set of the rig's poses: the rig from above and each sensor with
+/// another pose. A sensor has its picture with the edges at that pose, and the difference of the
+/// structure's outlines at both poses. The difference is 1 - intersection over union of the pixels
+/// that show it. `of_still`: the sensors with their images, of the capture with this choice. Their
+/// poses and `built` are in the structure as it stood then. `sensors`: of all captures.
 nlohmann::ordered_json AlternativeJson(const RigAlternative& alternative,
                                        const std::vector<FrameResult>& sensors,
                                        const std::vector<FrameResult>& of_still,
