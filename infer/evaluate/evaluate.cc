@@ -16,7 +16,7 @@ namespace volalign {
 
 namespace {
 
-/// One of the combinations of a model and a variant.
+/// A model with a variant.
 struct Combination {
   std::size_t model, variant;
   std::string name;
@@ -59,7 +59,7 @@ std::string Fingerprint(const EvaluationItem& item, const Combination& combinati
 
 using Results = std::map<std::string, EvaluatedCase>;  // by fingerprint
 
-/// Those of these fingerprints, as far as they are there.
+/// The cases with these fingerprints, as far as known.
 std::vector<EvaluatedCase> Select(const Results& known, const std::vector<std::string>& wanted) {
   std::vector<EvaluatedCase> cases;
   for (const std::string& fingerprint : wanted) {
@@ -69,7 +69,7 @@ std::vector<EvaluatedCase> Select(const Results& known, const std::vector<std::s
   return cases;
 }
 
-/// Throws DataError unless the still of `item` has the sides that the network knows.
+/// Throws DataError unless the capture of `item` has the sides that the network knows.
 void RequireSides(const EvaluationItem& item, const Structure& of_still, const Structure& known) {
   if (of_still.SideNames() == known.SideNames()) return;
   throw DataError(fmt::format(

@@ -19,23 +19,23 @@ namespace volalign {
 struct EvaluationModel {
   CheckpointFile checkpoint;
   Segmenter* segmenter;
-  const Structure* structure;  ///< a still whose structure has other sides is an error
+  const Structure* structure;  ///< a capture whose structure has other sides is an error
 };
 
 struct EvaluateRun {
-  std::filesystem::path output;  ///< evaluation.json; what is in it is not done again
+  std::filesystem::path output;  ///< evaluation.json; results in it are not computed again
   std::string program;           ///< identifies the program's build
-  std::function<void()> begin;   ///< called when `output` has none but this run's results
-  std::function<void(const std::string& line)> progress;  ///< one line per still
-  CountDone count;                                        ///< of the stills that are not done yet
+  std::function<void()> begin;   ///< called when `output` has only this run's results
+  std::function<void(const std::string& line)> progress;  ///< one line per capture
+  CountDone count;                                        ///< of the captures that are not done yet
 };
 
-/// Evaluates every item with each model under every variant and writes `output` after each still
-/// (atomically), so that a killed run continues where it was. Results in it that another program,
-/// model, option or still gave are dropped. With several models, a case's variant is named after
-/// its checkpoint's file too: "m05", or "m05, network". Throws what loading, rendering and
-/// calibration throw, ConfigError for two checkpoints of one name, and DataError for an `output`
-/// that is no evaluation.
+/// Evaluates every item with each model under every variant. It writes `output` atomically after
+/// each capture, so that a killed run continues where it was. Results of another program, model,
+/// option or capture in it are dropped. With several models, a case's variant has the name of its
+/// checkpoint's file too: "m05", or "m05, network". Throws what loading, rendering and calibration
+/// throw, ConfigError for two checkpoints of one name, and DataError for an `output` that is no
+/// evaluation.
 std::vector<EvaluatedCase> Evaluate(const std::vector<EvaluationItem>& items,
                                     const std::vector<EvaluationVariant>& variants,
                                     const std::vector<EvaluationModel>& models,

@@ -24,7 +24,7 @@ namespace volalign {
 namespace {
 
 constexpr char kAsTheRig[] = "as the rig";
-/// Turns the structure on between seeds: consecutive multiples of the golden angle never bunch.
+/// deg between seeds: consecutive multiples of the golden angle never bunch.
 constexpr double kGoldenAngleDeg = 137.50776405003785;
 
 std::vector<Eigen::Vector3d> Corners(const Structure& structure) {
@@ -44,7 +44,7 @@ std::string RigName(const std::string& path) {
   return stem.rfind("rig_", 0) == 0 ? stem.substr(4) : stem;
 }
 
-/// Drops placements from the rig, or draws more, until the structure has `count` places.
+/// Drops or draws placements until the structure has `count` places.
 void SetPlacements(int count, double radius_m, Rig* rig) {
   const auto further = static_cast<std::size_t>(count - 1);
   const std::size_t own = std::min(rig->placements.size(), further);
@@ -114,7 +114,7 @@ EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& s
     for (const std::string& file : frame.depth_files) {
       item.identity += Sha256(ReadFile(path.parent_path() / file, kMaxRecordingBytes));
     }
-    // They may come from another file than the capture.
+    // Intrinsics may come from another file.
     const Intrinsics& k = frame.intrinsics;
     item.identity +=
         fmt::format(" {} {} {} {} {}", k.fx, k.fy, k.cx, k.cy, fmt::join(k.distortion, " "));

@@ -14,7 +14,7 @@ namespace volalign {
 
 namespace {
 
-/// Remembers the network's answers for the frames of one still.
+/// Remembers the network's labels of the frames of one capture.
 class SharedSegmenter : public Segmenter {
  public:
   explicit SharedSegmenter(Segmenter* inner) : inner_(inner) {}
@@ -88,7 +88,7 @@ EvaluatedErrors ErrorsOf(const FrameResult& sensor, const Pose& truth) {
   return errors;
 }
 
-/// Whether the sensor with index i truly sees enough in one still; none where that is not known.
+/// Does sensor i truly see enough in one capture? None if that is not known.
 std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i) {
   if (i >= still.labels.size()) return std::nullopt;
   return SeesAPose(still.structure, still.labels[i]) ||
@@ -97,7 +97,7 @@ std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i) 
          });
 }
 
-/// What is calibrated together.
+/// The captures to be calibrated together.
 std::vector<Still> StillsOf(const EvaluationStill& still) {
   std::vector<Still> stills{{"placement_1", still.frames}};
   for (const FurtherStill& other : still.further) {
@@ -106,7 +106,7 @@ std::vector<Still> StillsOf(const EvaluationStill& still) {
   return stills;
 }
 
-/// `i`: of the sensor's frame.
+/// `i`: index of the sensor's frame.
 EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const EvaluationStill& still,
                         const InitialPoseOptions& options) {
   const SensorFrame& frame = still.frames[i];

@@ -13,36 +13,37 @@
 
 namespace volalign {
 
-/// Estimated against true poses.
+/// Errors of the estimated poses.
 struct EvaluatedErrors {
   PoseError initial, refined;
   /// [translation; rotation vector], m and rad, that takes the refined pose to the true one
-  /// (PerturbLeft), which the covariance is of.
+  /// (PerturbLeft). The covariance is of it.
   Vector6d delta = Vector6d::Zero();
 };
 
-/// One sensor's outcome. Errors and intervals stand where there is a ground truth and the sensor
-/// was placed.
+/// One sensor's outcome. Errors and intervals are there if the sensor was placed and has a ground
+/// truth.
 struct EvaluatedSensor {
   std::string name;
   SensorStatus status = SensorStatus::kFailed;
   SensorCode code = SensorCode::kNone;
   int sides = 0;
-  /// Whether the sides that it truly sees in one still, each with patch.min_pixels, fix six
-  /// degrees of freedom (SidesFixPose).
+  /// Do the sides that it truly sees in one capture, each with kFewestSidePixels, fix six degrees
+  /// of freedom (SidesFixPose)?
   std::optional<bool> sides_fix_pose;
   double initial_rms_to_structure_m = 0, rms_to_structure_m = 0, inlier_share = 0;
 
-  /// `built`: against the true pose in the frame in which the boxes' displacements average out.
+  /// `built`: as compared with the true pose in the frame in which the boxes' displacements average
+  /// out.
   std::optional<EvaluatedErrors> nominal, built;
   Vector6d sigma = Vector6d::Zero();  ///< square roots of the covariance's diagonal, m and rad
 
   bool placed() const { return status != SensorStatus::kFailed; }
 };
 
-/// One still, or those of several placements together, under one variant.
+/// One capture, or those of several placements together, under one variant.
 struct EvaluatedCase {
-  std::string fingerprint;  ///< of the item, the variant and the program
+  std::string fingerprint;  ///< of the item, the variant, the model and the program
   std::string rig, sensors, variant;
   std::optional<std::uint64_t> seed;
   std::vector<EvaluatedSensor> results;
@@ -50,8 +51,8 @@ struct EvaluatedCase {
   int placements = 1;
 };
 
-/// Calibrates a still, or all placements together, under each variant; the network sees each frame
-/// once. Poses are compared in the frame of the first still.
+/// Calibrates a capture, or all placements together, under each variant. The network sees each
+/// frame once. Poses are compared in the frame of the first capture.
 std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
                                          const std::vector<EvaluationVariant>& variants,
                                          Segmenter& segmenter);

@@ -7,26 +7,25 @@
 
 namespace volalign {
 
-/// Failed although the sides that it truly sees fix a pose.
+/// Did the sensor fail although the sides that it truly sees fix a pose?
 bool IsLost(const EvaluatedSensor& sensor);
-/// More than 10 cm or 5 deg off.
+/// Is the error more than 10 cm or 5 deg?
 bool IsWrong(const PoseError& error);
-bool IsWrong(
-    const EvaluatedSensor& sensor);  ///< its refined pose, with the boxes where they should be
+bool IsWrong(const EvaluatedSensor& sensor);  ///< of its refined pose, by the nominal boxes
 
 struct ErrorStatistics {
   double median = 0, p95 = 0, max = 0;
 };
 
-/// Sensors of one rig (or "all"), one choice of sensors, one number of placements and one variant.
-/// Statistics are over the placed sensors with a ground truth.
+/// Statistics of the placed sensors with a ground truth, for one rig (or "all"), one choice of
+/// sensors, one number of placements and one variant.
 struct EvaluationSummary {
   std::string rig, sensors;
   int placements = 1;
   std::string variant;
   int count = 0, placed = 0, weak = 0;
   int fixable = 0;  ///< sensors whose true sides fix a pose
-  int lost = 0;     ///< of those: failed
+  int lost = 0;     ///< failed sensors among these
   int wrong = 0;    ///< placed, over 10 cm or 5 deg off
   int measured = 0;
   ErrorStatistics initial_mm, initial_deg, refined_mm, refined_deg;
@@ -35,8 +34,8 @@ struct EvaluationSummary {
   double cover68 = 0, cover95 = 0, built_cover68 = 0, built_cover95 = 0;
 };
 
-/// Every rig x sensors x number of placements x variant in order of appearance, then pooled over
-/// rigs, then over all. Cases of captures without any ground truth are left out.
+/// One summary per rig, sensors, number of placements and variant, in order of appearance, then
+/// pooled over rigs, then over all. Cases without any ground truth are left out.
 std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& cases);
 
 }  // namespace volalign

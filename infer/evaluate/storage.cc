@@ -38,7 +38,7 @@ void Describe(Archive& ar, EvaluatedSensor& sensor) {
   ar.Optional("error_as_built", sensor.built);
 }
 
-/// Present where there are several.
+/// The key is present for several placements.
 template <class Archive>
 void DescribePlacements(Archive& ar, int& placements) {
   std::optional<int> several;

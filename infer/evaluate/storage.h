@@ -14,13 +14,13 @@ struct CheckpointFile {
   std::string file, sha256;
 };
 
-/// evaluation.json: the cases, and for people and other programs their summary and the models.
-/// Throws IoError.
+/// Writes evaluation.json: the cases and, for people and other programs, their summary and the
+/// models. Throws IoError.
 void WriteEvaluation(const std::filesystem::path& path, const std::vector<EvaluatedCase>& cases,
                      const std::vector<CheckpointFile>& models);
 
-/// The cases of an evaluation.json, strictly. Throws IoError, or DataError, for a file that is no
-/// evaluation too.
+/// Reads the cases of an evaluation.json strictly. Throws IoError, or DataError, also for a file
+/// that is no evaluation.
 std::vector<EvaluatedCase> ReadEvaluation(const std::filesystem::path& path);
 
 }  // namespace volalign

@@ -21,7 +21,7 @@ std::string Percent(double share, int count) {
 }
 
 std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
-  // Placements have a column where a row has several.
+  // Placements have a column if a row has several.
   const bool several = std::any_of(summaries.begin(), summaries.end(),
                                    [](const EvaluationSummary& s) { return s.placements > 1; });
   const std::string head =
@@ -61,7 +61,7 @@ std::string SummaryTables(const std::vector<EvaluationSummary>& summaries) {
   return text;
 }
 
-/// Sensors that were lost or placed wrong, so that one can look at them.
+/// Sensors that were lost or placed wrong.
 std::string Culprits(const std::vector<EvaluatedCase>& cases) {
   std::string text;
   for (const EvaluatedCase& one : cases) {

@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// Markdown: accuracy; placement and intervals; one row for each sensor of every capture.
+/// Markdown tables: accuracy; placement and intervals; one row for each sensor of every capture.
 std::string FormatEvaluation(const std::vector<EvaluatedCase>& cases);
 
 /// The same for a program: a row for each EvaluationSummary, then one for each sensor of a capture

@@ -14,8 +14,8 @@ struct EvaluationVariant {
   CalibrateOptions options;
 };
 
-/// The options that `compare` ("initial.method=paper,network") asks for over `source`, each named
-/// after its value, in order; without it one, of `source` alone, named "volalign". Throws
+/// The options that `compare` ("initial.method=paper,network") sets over `source`, each named after
+/// its value, in order. Without it one variant, "volalign", with `source` alone. Throws
 /// ConfigError.
 std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source, const std::string& compare);
 

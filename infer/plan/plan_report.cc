@@ -14,7 +14,7 @@ namespace {
 constexpr double kWellInView = 0.9;
 constexpr std::size_t kFewSides = 4;
 
-/// The direction of `axis` as somebody behind the sensor would call it.
+/// The weakest direction in the words of somebody behind the sensor.
 std::string Direction(const PlannedSensor& sensor) {
   const Eigen::Vector3d view = -sensor.structure_from_sensor.translation().normalized();
   const Eigen::Vector3d up = Eigen::Vector3d::UnitY();
@@ -51,7 +51,8 @@ std::string Warnings(const PlannedSensor& sensor) {
   return text;
 }
 
-/// What a capture lab fuses is clouds: how far these will be from each other.
+/// A line on how far the sensors' clouds will be from each other, because a capture lab fuses
+/// clouds.
 std::string PairsLine(const RigPlan& plan) {
   std::size_t overlapping = 0;
   double apart = 0, sigma = 0;

@@ -7,11 +7,11 @@
 
 namespace volalign {
 
-/// Table of the planned sensors, what to be wary of, and how well the sensors
-/// are known relative to each other; for a terminal.
+/// The plan as text for a terminal: a table of the planned sensors, warnings, and how well the
+/// sensors are known relative to each other.
 std::string FormatPlan(const RigPlan& plan);
 
-/// Its table, one row per sensor; with code, reason and hint of those that are not expected to be
+/// Its table, one row per sensor, with code, reason and hint of those that are not expected to be
 /// ok.
 Table PlanTable(const RigPlan& plan);
 

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kSurfaceGrid = 0.04;  // m
 
-/// The true labels of the frames that it knows by their depth maps.
+/// Gives the true labels of frames, which it recognises by their depth maps.
 class TrueLabels : public Segmenter {
  public:
   explicit TrueLabels(const std::vector<PlannedFrame>& planned) : planned_(planned) {}
@@ -56,7 +56,7 @@ std::vector<PlannedSensor> SensorsOf(const Rig& rig, const Structure& structure)
   return sensors;
 }
 
-/// Of the points of the surface that nothing hides from the sensor, the share in its picture.
+/// Share of the surface points that nothing hides from the sensor that are in its picture.
 double ShareInView(const PlannedSensor& sensor, const Structure& structure) {
   const Pose& pose = sensor.structure_from_sensor;
   const Eigen::Vector3d eye = pose.translation();

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a rig will be worth, before anybody builds it.
+// The expected accuracy of a rig, before anybody builds it.
 
 #include <optional>
 #include <string>
@@ -20,20 +20,20 @@ struct PlannedSensor {
   Intrinsics intrinsics;
   Pose structure_from_sensor = Pose::Identity();
   double distance_m = 0;  ///< to the structure's origin
-  /// Sides in view, by how many pixels they have, those with enough of them to be used.
+  /// Names and pixels of the sides in view that have enough pixels, most first.
   std::vector<std::pair<std::string, int>> sides;
   bool sides_fix_pose = false;  ///< SidesFixPose of these
-  /// Of the structure's surface that the sensor sees, the share within its picture.
+  /// Share of the surface that the sensor could see that is within its picture.
   double in_view = 0;
-  int placed = 0;  ///< in how many of the trials
-  // Of the trials in which it is placed. Root of the mean square of the distance of the estimated
-  // position from the true one, and of the angle, as the posterior covariance has them.
+  int placed = 0;  ///< number of trials in which it is placed
+  // Root mean squares of the position's distance from the true one and of the angle, by the
+  // posterior covariance, over the trials in which it is placed.
   double expected_m = 0, expected_deg = 0;
   Matrix6d covariance = Matrix6d::Zero();  ///< mean over the trials
-  /// Direction in which the place is known least, unit vector, structure frame.
+  /// Direction in which the position is least certain, unit vector, structure frame.
   Eigen::Vector3d weakest = Eigen::Vector3d::Zero();
   double weakest_m = 0;  ///< standard deviation along it
-  /// Of the worst trial.
+  /// By the worst trial.
   SensorStatus status = SensorStatus::kOk;
   Finding finding;
 };
@@ -45,10 +45,11 @@ struct RigPlan {
   std::vector<PairResult> pairs;  ///< of the first trial
 };
 
-/// Calibrates what the planned sensors would measure (MeasurePlanned), `trials` times with other
-/// errors, with the true labels in place of a network's. Of the rig's placements only the first
-/// counts, and nothing stands about the stack. `count` is told of trials. No GL context. Throws
-/// ConfigError for what the intrinsics pool lacks, and what reading the rig's files throws.
+/// Calibrates the frames that the planned sensors would measure (MeasurePlanned), `trials` times
+/// with other errors, with the true labels in place of a network's. Only the first of the rig's
+/// placements counts, and nothing stands about the stack. `count` is called with the number of
+/// trials done. No GL context. Throws ConfigError if the intrinsics pool lacks a sensor, and what
+/// reading the rig's files throws.
 RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options = {},
                 const CountDone& count = nullptr);
 

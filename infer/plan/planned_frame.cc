@@ -17,7 +17,7 @@ namespace {
 constexpr float kEdgeStep = 0.08F;  // m, least step between neighbours that is a depth edge
 constexpr double kFarthest = 12;    // m, of the floor
 
-/// The floor where nothing stands before it.
+/// Adds the floor where nothing stands before it.
 void AddFloor(const RayTable& rays, const Pose& structure_from_sensor, double height,
               DepthImage* depth) {
   for (int v = 0; v < depth->height(); ++v) {
@@ -32,7 +32,7 @@ void AddFloor(const RayTable& rays, const Pose& structure_from_sensor, double he
   }
 }
 
-/// Takes away so many pixels on the far side of every depth edge, along rows and columns.
+/// Removes `count` pixels on the far side of every depth edge, along rows and columns.
 void LeaveGaps(int count, PlannedFrame* planned) {
   DepthImage& depth = planned->frame.depth;
   const DepthImage before = depth;

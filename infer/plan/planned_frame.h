@@ -1,7 +1,7 @@
 #pragma once
 
-// What a sensor of a planned rig will measure, as far as that can be said without a picture of the
-// room: the stack and the floor.
+// The frames of a planned rig's sensors, as far as they are known without a picture of the room:
+// the stack and the floor.
 
 #include <cstdint>
 #include <string>
@@ -14,10 +14,10 @@ namespace volalign {
 
 struct PlannedFrame {
   SensorFrame frame;
-  LabelImage labels;  ///< of what it sees
+  LabelImage labels;  ///< true labels
 };
 
-/// The stack as described, on its floor, seen with errors of the frame's kind (ErrorsOf) that are
+/// The stack as described, on its floor, seen with errors of the frame's kind (ErrorsOf). They are
 /// drawn from `seed`: white, smooth, offset and gaps at depth edges. `frame` has name, kind,
 /// intrinsics and pose (ground_truth).
 PlannedFrame MeasurePlanned(SensorFrame frame, const Structure& structure, std::uint64_t seed,

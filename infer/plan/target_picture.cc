@@ -16,8 +16,8 @@ constexpr double kLeft = 70, kTop = 60;                   // px, of the cells
 constexpr double kBestSigma = 0.001, kWorstSigma = 0.02;  // m, ends of the colour scale
 constexpr double kPlanSize = 240;                         // px
 
-/// From yellow (well known) to dark blue, evenly in lightness (ends of the cividis scale, which
-/// people with any colour vision can read).
+/// From yellow (well known) to dark blue, evenly in lightness: the ends of the cividis scale, which
+/// people with any colour vision can read.
 std::string Colour(double sigma_m) {
   const double t =
       std::clamp(std::log(sigma_m / kBestSigma) / std::log(kWorstSigma / kBestSigma), 0.0, 1.0);

@@ -46,7 +46,7 @@ std::string Aliases(const TargetQuality& quality, std::size_t boxes) {
   return text.empty() ? "The stack has no symmetries.\n" : text;
 }
 
-/// Whether another pose looks the same; `floor`: where the floor is seen.
+/// Does no other pose look the same? `floor`: the floor is seen.
 bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) {
   return std::none_of(view.look_alike.begin(), view.look_alike.end(), [&](int alias) {
     return !floor || !quality.aliases[static_cast<std::size_t>(alias)].floor_tells;

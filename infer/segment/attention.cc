@@ -14,7 +14,7 @@ namespace volalign {
 
 namespace {
 
-/// Of a frame in the network's size and orientation.
+/// The attention of a frame in the network's size and orientation.
 Image<float> AttentionOf(LoadedModel& model, const DepthImage& depth) {
   const int width = depth.width(), height = depth.height();
   const at::Tensor frame = at::from_blob(const_cast<float*>(depth.data()), {1, 1, height, width},

@@ -8,10 +8,10 @@
 
 namespace volalign {
 
-/// The attention of a checkpoint's network (StructureNet::ForwardWithAttention) for frames, which
-/// go through it as LoadNetworkSegmenter has them: one map each, of the frame's size and
-/// orientation, from 0 to 1, as the decoder enlarges it, whether a pixel has depth or not. Empty
-/// maps of a network without attention. Runs on the CPU. Throws as LoadNetworkSegmenter.
+/// The attention of a checkpoint's network (StructureNet::ForwardWithAttention) for frames,
+/// prepared as in LoadNetworkSegmenter. There is one map per frame, of its size and orientation,
+/// from 0 to 1, as the decoder enlarges it, for pixels with and without depth. Maps are empty for a
+/// network without attention. Runs on the CPU. Throws as LoadNetworkSegmenter.
 std::vector<Image<float>> AttentionMaps(const std::filesystem::path& checkpoint,
                                         const std::vector<SegmentationRequest>& requests);
 

@@ -7,8 +7,8 @@
 
 namespace volalign {
 
-/// A network's input of a depth map (EncodedChannels), C planes of H rows of W values one after the
-/// other. Depth is in metres, 0 where there is none.
+/// A network's input for a depth map (EncodedChannels): C planes of H rows of W values one after
+/// the other. Depth is in metres, 0 for none.
 std::vector<float> EncodeDepth(const DepthImage& depth, InputEncoding input);
 
 }  // namespace volalign

@@ -22,8 +22,8 @@ namespace volalign {
 
 namespace {
 
-/// Networks that are kept, each for one size of frames and with weights of its own: two kinds of
-/// sensors, each in both orientations.
+/// Most networks that are kept, each for one size of frames and with weights of its own: two kinds
+/// of sensors, each in both orientations.
 constexpr std::size_t kMostNets = 4;
 
 /// The most probable class of each pixel of log-probabilities [K,H,W], and its probability.
@@ -60,9 +60,9 @@ class OnnxSegmenter : public NetworkSegmenter {
   /// OpenCV 4.6 has no dynamic sizes: the frame's is written into the graph.
   cv::dnn::Net& NetFor(int width, int height);
 
-  std::mutex mutex_;  ///< of a forward pass, which is one at a time
+  std::mutex mutex_;  ///< there is one forward pass at a time
   OnnxNetwork network_;
-  std::list<SizedNet> nets_;  ///< the one used last in front
+  std::list<SizedNet> nets_;  ///< the last used one first
 };
 
 cv::dnn::Net& OnnxSegmenter::NetFor(int width, int height) {

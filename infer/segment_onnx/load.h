@@ -8,10 +8,10 @@
 
 namespace volalign {
 
-/// Loads a network that `volalign export --format onnx` wrote, of either precision, and runs it by
-/// OpenCV, on the CPU, in float32, without LibTorch. `structure`, where given, must have the
-/// topology and labels that the network was trained on. Threads are OpenCV's (cv::setNumThreads).
-/// Throws IoError, or DataError for a file that is truncated, changed, or of another program.
+/// Loads a network that `volalign export --format onnx` wrote, of either precision. OpenCV runs it
+/// on the CPU in float32, without LibTorch. `structure`, if given, must have the topology and
+/// labels that the network was trained on. Threads are OpenCV's (cv::setNumThreads). Throws
+/// IoError, or DataError for a file that is truncated, changed, or of another program.
 std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
                                                     const Structure* structure = nullptr);
 

@@ -19,15 +19,16 @@
 namespace volalign {
 namespace {
 
-// A message of two bytes takes a hundred in memory. The largest network of network_limits.h has
-// 7 nodes a residual block and 340 others, and fewer tensors.
+// A message of two bytes takes a hundred in memory. The largest network of network_limits.h has 7
+// nodes per residual block and 340 others, and fewer tensors.
 constexpr int kMostFields = 2000;
-/// A node and a text but the metadata are some hundred bytes.
+/// A node, or a text other than the metadata, has some hundred bytes.
 constexpr std::size_t kMostNodeBytes = 4096;
 
 [[noreturn]] void Fail(const std::string& why) { throw DataError(why); }
 
-/// Hands on number and bytes of each field of a message that has a length; the others are numbers.
+/// Calls `use` with number and bytes of each field of a message that has a length; the others are
+/// numbers.
 void ForEachField(std::string_view message,
                   const std::function<void(int number, std::string_view bytes)>& use) {
   using google::protobuf::internal::WireFormatLite;
@@ -51,7 +52,7 @@ void ForEachField(std::string_view message,
   if (static_cast<std::size_t>(stream.CurrentPosition()) != message.size()) Fail("it is truncated");
 }
 
-/// Throws DataError where parsing would take far more memory than the bytes have.
+/// Throws DataError if parsing would take far more memory than the bytes have.
 void RequireFewParts(std::string_view bytes) {
   ForEachField(bytes, [](int number, std::string_view part) {
     if (number != onnx::ModelProto::kGraphFieldNumber) return;
@@ -72,7 +73,7 @@ std::map<std::string, std::string> TextsOf(const onnx::ModelProto& model) {
   return texts;
 }
 
-/// The graph's tensors that are the network's, by their names, which they lose.
+/// Takes the network's tensors out of the graph, by their names, which they lose.
 std::map<std::string, onnx::TensorProto> TakeWeights(const TensorShapes& shapes,
                                                      onnx::GraphProto* graph) {
   std::map<std::string, onnx::TensorProto> weights;
@@ -111,8 +112,8 @@ onnx::TensorProto Widened(onnx::TensorProto tensor, const std::vector<std::int64
   return tensor;
 }
 
-/// Removes the nodes that encode depth, which come first, and those that widen weights, whose
-/// results take the weights' place.
+/// Removes the nodes that encode depth, which come first. It also removes those that widen weights;
+/// the weights take the place of their results.
 void CutAtEncoded(const StructureNetOptions& options, const TensorShapes& shapes,
                   std::map<std::string, onnx::TensorProto> weights, bool half,
                   onnx::GraphProto* graph) {

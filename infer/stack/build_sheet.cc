@@ -28,7 +28,8 @@ constexpr double kBold = 1.2;      // times as wide
 constexpr double kWidthOfText =
     0.52;                        // px a letter, of the size, in what a sheet says (DejaVu Sans)
 constexpr double kArrow = 0.22;  // m, on the floor
-// Light tints of Okabe and Ito's colours: neighbours differ also in grey, figures on them are read.
+// Light tints of Okabe and Ito's colours: neighbours differ also in grey, and figures on them can
+// be read.
 constexpr std::array<std::array<int, 3>, 6> kTints = {{{244, 214, 160},
                                                        {166, 208, 236},
                                                        {166, 222, 204},
@@ -38,7 +39,7 @@ constexpr std::array<std::array<int, 3>, 6> kTints = {{{244, 214, 160},
 
 std::string Millimetres(double metres) { return fmt::format("{:.0f}", metres * 1000); }
 
-/// No longer than `px` at a size of `font` px.
+/// The text shortened to `px` at a size of `font` px.
 std::string Fitted(const std::string& text, double px, double font) {
   const auto most = static_cast<std::size_t>(std::max(px / (kWidthOfText * font), 2.0));
   std::size_t letters = 0, kept = 0;
@@ -84,7 +85,7 @@ struct IsometricView {
   }
 };
 
-/// Arrows on the floor that say where front and right are.
+/// Arrows on the floor that show front and right.
 struct FloorArrow {
   Eigen::Vector3d from, to;
   std::string text;
@@ -102,7 +103,7 @@ std::vector<FloorArrow> FloorArrows(const Structure& structure,
           {right, right + kArrow * Eigen::Vector3d::UnitZ(), names[1]}};
 }
 
-/// Between `from` and `to`, px.
+/// The view that fits between `from` and `to`, px.
 IsometricView FittingView(const Structure& structure, const std::vector<FloorArrow>& arrows,
                           double from, double to) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
@@ -127,12 +128,12 @@ IsometricView FittingView(const Structure& structure, const std::vector<FloorArr
   return view;
 }
 
-/// Whether a may be drawn before b: nothing of it is before b.
+/// May a be drawn before b? No part of a is in front of b.
 bool IsBehind(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) {
   return ((b.min() - a.max()).array() > -kTouching).any();
 }
 
-/// Steps in an order in which later ones hide earlier ones.
+/// Steps ordered so that later ones hide earlier ones.
 std::vector<std::size_t> BackToFront(const std::vector<Eigen::AlignedBox3d>& bounds) {
   std::vector<std::size_t> order;
   std::vector<bool> done(bounds.size(), false);
@@ -168,8 +169,7 @@ bool Hits(const Box& box, const Eigen::Vector3d& from, const Eigen::Vector3d& di
   return low < high;
 }
 
-/// The visible point of the box that is the nearest to the middle of its visible points; none for a
-/// box that others hide.
+/// The visible point of the box nearest to the middle of its visible points; none for a hidden box.
 std::optional<Eigen::Vector3d> Anchor(const Structure& structure, int box) {
   constexpr int kGrid = 9;
   std::vector<Eigen::Vector3d> seen;
@@ -211,7 +211,7 @@ std::string Edges(const BuildStep& step) {
                      Millimetres(step.left_to_right), Millimetres(step.height));
 }
 
-/// Between `from` and `to`, px, as IsometricView shows it.
+/// Draws between `from` and `to`, px. Returns the view used.
 IsometricView DrawBoxes(const Structure& structure, const std::vector<BuildStep>& steps,
                         const std::array<std::string, 2>& names, double from, double to, Svg* svg) {
   const std::vector<FloorArrow> arrows = FloorArrows(structure, names);
@@ -332,7 +332,7 @@ class Cell {
     for (const Eigen::Vector3d& corner : Outline(box)) points.push_back(At(corner));
     svg_->Polygon(points, attributes);
   }
-  /// Around what is shown.
+  /// Draws the names of the sides around the plan.
   void Sides(const std::array<std::string, 4>& front_back_right_left,
              const Eigen::Vector3d& about) {
     const Svg::Point high = At(shown_.max()), low = At(shown_.min()), middle = At(about);
@@ -384,7 +384,7 @@ std::string StandsOn(const Structure& structure, const std::vector<BuildStep>& s
   return text;
 }
 
-/// What the cell of a step shows: the box, and what its overhang is over.
+/// The box over which a step's overhang is shown.
 std::optional<int> Reference(const std::vector<BuildStep>& steps, std::size_t i) {
   if (!steps[i].on.empty()) return steps[i].on.front();
   if (steps[i].on_floor && i > 0) return steps.front().box;

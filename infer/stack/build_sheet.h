@@ -6,9 +6,9 @@
 
 namespace volalign {
 
-/// What somebody needs who builds the stack, as an SVG of one A4 page: the stack in isometric view,
-/// its boxes numbered in the order of building, the outline on the floor, and for each box which
-/// edge is upright and how far it stands over what it stands on. Lengths are printed in mm.
+/// Instructions to build the stack, as an SVG of one A4 page. It shows the stack in isometric view,
+/// its boxes numbered in the order of building, and the outline on the floor. For each box it says
+/// which edge is upright and how far it stands over the one below. Lengths are in mm.
 std::string BuildSheet(const Structure& structure);
 
 }  // namespace volalign

@@ -7,8 +7,8 @@
 
 namespace volalign {
 
-/// How far the edges of a box's outline, seen from above, stand beyond those of another outline,
-/// m; negative where they are set back.
+/// How far the edges of a box's outline, seen from above, stand beyond those of another outline, m;
+/// negative if they are set back.
 struct Overhang {
   double front = 0, back = 0, right = 0, left = 0;  ///< +x, -x, +z, -z
 };
@@ -19,18 +19,18 @@ struct BuildStep {
   double height = 0;
   double front_to_back = 0, left_to_right = 0;  ///< its own edges that lie flat
   double yaw_deg = 0;                           ///< about +y, from +z towards +x
-  /// The boxes that it stands on, the one with the largest shared rectangle first; empty for one on
-  /// the floor, and for one that stands on nothing.
+  /// The boxes below it, the one with the largest shared rectangle first. Empty for a box on the
+  /// floor, or on nothing.
   std::vector<int> on;
   bool on_floor = false;
-  /// Over the box that it stands on most; of a box on the floor, over the first one there.
+  /// Over the first of `on`; for a box on the floor, over the first one there.
   Overhang overhang;
 };
 
-/// From the floor upwards, boxes of one height in the order of the structure.
+/// The steps from the floor upwards, boxes of one height in the order of the structure.
 std::vector<BuildStep> BuildSteps(const Structure& structure);
 
-/// Of a box, in the structure frame.
+/// The bounds of a box in the structure frame.
 Eigen::AlignedBox3d Bounds(const Box& box);
 
 }  // namespace volalign

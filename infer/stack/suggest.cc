@@ -25,8 +25,9 @@ namespace {
 
 constexpr double kStep = 0.01;   // m: overhangs are whole steps
 constexpr int kMostDraws = 400;  // of a candidate, until one bears the tilt
-/// The middles of two boxes are apart at most by this share of where they would part: of the first
-/// draw, and evenly less in each later one, since high towers bear little.
+/// The middles of two boxes are apart by at most this share of the distance at which the boxes
+/// would part. The share falls evenly from the first draw to the last, because high towers bear
+/// little.
 constexpr double kMostApart = 0.7;
 /// Views of a candidate: an odd number of directions has no two that are opposite.
 const TargetViewOptions kCandidateViews = [] {
@@ -36,7 +37,7 @@ const TargetViewOptions kCandidateViews = [] {
   return views;
 }();
 
-/// From the worst to the best: what a smaller value is better of comes first.
+/// The faults of a stack, the most important first; smaller is better.
 using Badness = std::array<double, 4>;
 
 Badness BadnessOf(const TargetQuality& quality) {
@@ -62,8 +63,8 @@ Eigen::Vector3d Turned(const Eigen::Vector3d& size, int upright, bool swapped) {
 
 double Whole(double metres) { return kStep * std::round(metres / kStep); }
 
-/// A tower no higher than `most_height`, which the boxes keep if all lie flat; the first one's
-/// middle is at x = z = 0 and its lower side at y = 0. `apart`: see kMostApart.
+/// Draws a tower no higher than `most_height`; if all lie flat, the boxes have to be no higher. The
+/// first one's middle is at x = z = 0 and its lower side at y = 0. `apart`: see kMostApart.
 std::vector<Box> DrawTower(const std::vector<Eigen::Vector3d>& sizes, double most_height,
                            double apart, RandomStream* random) {
   double spare = most_height;
@@ -78,7 +79,7 @@ std::vector<Box> DrawTower(const std::vector<Eigen::Vector3d>& sizes, double mos
     for (const int axis : {0, 2}) {
       const double reach = apart * (size[axis] + below[axis]) / 2;
       const double drawn = random->Uniform(-reach, reach);
-      // Whole steps are between edges, which are measured, not between middles.
+      // Whole steps lie between edges, which people measure, not between middles.
       const double half = (size[axis] - below[axis]) / 2;
       if (i > 0) at[axis] += Whole(drawn + half) - half;
     }
@@ -99,13 +100,13 @@ std::string WithoutBlanks(const std::string& text) {
   return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
 }
 
-/// Whether it has one digit or more, `most` at most, and nothing else.
+/// Does the text have one to `most` digits and nothing else?
 bool IsWhole(const std::string& text, std::size_t most) {
   return !text.empty() && text.size() <= most &&
          text.find_first_not_of(kDigits) == std::string::npos;
 }
 
-/// Whether it is a number such as 300 or 300.5, without sign, below a million.
+/// Is it a number such as 300 or 300.5, without sign, below a million?
 bool IsEdge(const std::string& text) {
   const std::size_t point = text.find('.');
   return IsWhole(text.substr(0, point), 6) &&
@@ -117,8 +118,8 @@ struct Carton {
   Eigen::Vector3d edges_mm;
 };
 
-/// "600x400x400" or "3x 600x400x400", with blanks wherever one likes; the one after a count has to
-/// be there. None for anything else.
+/// Reads "600x400x400" or "3x 600x400x400". Blanks may be anywhere; the one after a count is
+/// required. None for anything else.
 std::optional<Carton> ReadCarton(const std::string& text) {
   std::vector<std::string> parts = Split(text, 'x');
   Carton carton;

@@ -32,7 +32,7 @@ constexpr int kBlot = 1;                // px around a point
 constexpr double kNoDepthShade = 0.35;  // of an attention map where there is no depth
 constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
 
-/// A picture of a view, upright where it is known how.
+/// A picture of a view, upright if it is known how.
 RgbImage DrawView(const SuiteStill& still, std::size_t i, const RgbImage& picture,
                   const std::string& caption) {
   const SensorFrame& frame = still.still.frames[i];
@@ -50,7 +50,7 @@ std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& re
   return row;
 }
 
-/// Empty of a method without attention. Captions have the least and the largest value.
+/// Empty for a method without attention. Captions have the least and the largest value.
 std::vector<RgbImage> DrawAttentions(const SuiteStill& still, const SuiteMethod& method) {
   std::vector<RgbImage> row;
   if (method.model.empty()) return row;
@@ -85,7 +85,7 @@ std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& re
   return row;
 }
 
-/// The row of a method; empty where it has not what the figure shows.
+/// The row of a method; empty if it has nothing for the figure.
 std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const SuiteStill& still,
                               MethodSet& methods, std::size_t i) {
   const SuiteMethod& method = methods.at(i);
@@ -141,7 +141,7 @@ RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double p
   const double low = structure.FloorHeight() - kMargin;
   const int width = static_cast<int>(2 * (reach + kMargin) / kPixel);
   const int height = static_cast<int>((structure.Height() + 2 * kMargin) / kPixel);
-  // ColourDepth has near values yellow: what is far off is to be yellow.
+  // ColourDepth has near values yellow, and large errors should be yellow.
   DepthImage values(width, height, 0.0F);
   Image<double> nearness(width, height, -std::numeric_limits<double>::infinity());
   for (std::size_t i = 0; i < cloud.points.size(); ++i) {

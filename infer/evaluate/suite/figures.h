@@ -22,15 +22,15 @@ void AddToCloud(const SensorView& view, const LabelImage& labels, const Structur
                 const Pose& structure_from_sensor, ErrorCloud* cloud);
 
 /// The cloud seen level from the azimuth `phi_deg` (from +x towards +z), without perspective,
-/// nearer points before others; violet is 0 m and yellow 5 cm or more off, black nothing.
+/// nearer points before others. Violet is 0 m, yellow 5 cm or more, black nothing.
 RgbImage DrawCloud(const ErrorCloud& cloud, const Structure& structure, double phi_deg);
 
-/// A network's attention over the shaded depth: violet is 0, yellow 1, dark where there is no
-/// depth. Throws Error on unequal sizes.
+/// A network's attention over the shaded depth: violet is 0, yellow 1, dark without depth. Throws
+/// Error on unequal sizes.
 RgbImage DrawAttention(const DepthImage& depth, const Image<float>& attention);
 
-/// Draws the suite's qualitative figures into figures/ of the run's folder: NAME.png, a row for
-/// each method whose model exists. Returns the files' paths. Throws as RunSuite.
+/// Draws the suite's qualitative figures into figures/ of the run's folder: NAME.png, with a row
+/// for each method whose model exists. Returns the files' paths. Throws as RunSuite.
 std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const SuiteRun& run);
 
 }  // namespace volalign

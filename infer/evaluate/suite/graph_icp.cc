@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kModelSpacing = 0.01;  // m, of the model's points
 constexpr int kNormalRadius = 2;        // px, of the plane that gives a point's normal
-constexpr double kDamping = 1e-6;       // of the mean diagonal, where nothing holds a direction
+constexpr double kDamping = 1e-6;       // of the mean diagonal, for directions that nothing fixes
 
 struct Cloud {
   std::vector<Eigen::Vector3d> points, normals;
@@ -65,7 +65,7 @@ Cloud Moved(const Cloud& cloud, const Pose& pose) {
   return moved;
 }
 
-/// A point and the plane that it belongs on.
+/// A point and the plane on which it should lie.
 struct Match {
   Eigen::Vector3d from, to, normal;
 };

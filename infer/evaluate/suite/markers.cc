@@ -19,8 +19,8 @@ constexpr int kMarkerCount = 50;
 constexpr int kBorderCells = 1;
 constexpr double kCornerWindow = 0.05;  // half of it, of the marker's width
 constexpr int kLargestWindow = 5;       // px, half of it
-// Markers seen at over 75 deg, whose cells are too narrow to refine corners in, and whose depth
-// jumps from pixel to pixel, are not used.
+// Markers seen at over 75 deg are not used: their cells are too narrow to refine corners in, and
+// their depth jumps from pixel to pixel.
 constexpr double kLeastSlant = 0.25;
 constexpr double kCover = 1e-3;  // m above a side where another box covers it
 
@@ -71,7 +71,7 @@ GreyImage Cells(int label) {
   return image;
 }
 
-/// Where the diagonals of a quadrilateral meet: the picture of the middle of a square.
+/// The intersection of a quadrilateral's diagonals: the picture of a square's middle.
 Eigen::Vector2d MeetingPoint(const std::array<Eigen::Vector2d, 4>& corners) {
   const Eigen::Vector2d a = corners[2] - corners[0], b = corners[3] - corners[1];
   const Eigen::Vector2d c = corners[1] - corners[0];
@@ -79,7 +79,7 @@ Eigen::Vector2d MeetingPoint(const std::array<Eigen::Vector2d, 4>& corners) {
   return corners[0] + s * a;
 }
 
-/// Of a marker's picture, px: its longest edge, and its width square to that.
+/// A marker's picture, px: its longest edge, and its width at a right angle to it.
 struct Extent {
   double length = 0, width = 0;
 };
@@ -92,8 +92,8 @@ Extent ExtentOf(const std::vector<cv::Point2f>& corners) {
   return extent;
 }
 
-/// Below a pixel, in windows that hold no edges but the corner's own: as OpenCV does from 4.7 on,
-/// but by the marker's width, so that markers seen at a slant are no exception.
+/// Refines below a pixel, in windows with no edges but the corner's own. OpenCV does so from 4.7
+/// on; here windows follow the marker's width, so that slanted markers are no exception.
 void RefineCorners(const cv::Mat& image, std::vector<cv::Point2f>* corners) {
   const int window =
       std::clamp(static_cast<int>(kCornerWindow * ExtentOf(*corners).width), 1, kLargestWindow);
@@ -101,9 +101,9 @@ void RefineCorners(const cv::Mat& image, std::vector<cv::Point2f>* corners) {
                    cv::TermCriteria(cv::TermCriteria::COUNT + cv::TermCriteria::EPS, 30, 0.01));
 }
 
-/// The point, sensor frame, that a position between pixel centres shows: its ray and its inverse
-/// depth, which is linear on a plane, between those of the four pixels around it. Nothing where one
-/// of them has no depth.
+/// The point, sensor frame, at a position between pixel centres. Its ray and its inverse depth,
+/// which is linear on a plane, are interpolated from the four pixels around it. Nothing if one of
+/// them has no depth.
 std::optional<Eigen::Vector3d> PointAt(const SensorView& view, const Eigen::Vector2d& pixel) {
   const int left = static_cast<int>(std::floor(pixel.x()));
   const int top = static_cast<int>(std::floor(pixel.y()));

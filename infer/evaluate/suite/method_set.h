@@ -14,10 +14,10 @@
 
 namespace volalign {
 
-/// Whether a method can run: it needs no model, or the file is there.
+/// Can the method run? It needs no model, or the file is there.
 bool HasModel(const SuiteMethod& method);
 
-/// The methods of a suite that can run, with their networks, which several threads may use.
+/// The methods of a suite that can run, with their networks. Several threads may use it.
 class MethodSet {
  public:
   /// `suite` must outlive the set. `program` identifies the program's build.
@@ -26,15 +26,15 @@ class MethodSet {
   std::size_t size() const { return methods_.size(); }
   const SuiteMethod& at(std::size_t i) const { return methods_[i].method; }
   bool HasMarkers() const;
-  /// Whether a method is made for a capture: some are for one dataset, and recordings have no
+  /// Does the method apply to the capture? Some are for one dataset, and recordings have no
   /// markers.
   bool Applies(std::size_t i, const SuiteItem& item) const;
-  /// Of everything that the method's result of the capture depends on.
+  /// A fingerprint of everything that the method's result for the capture depends on.
   std::string Fingerprint(std::size_t i, const SuiteItem& item) const;
   MethodResult Run(std::size_t i, const SuiteStill& still, int threads);
 
  private:
-  /// A network is loaded when it is needed first; its forward pass changes nothing in it.
+  /// A network is loaded at its first use; its forward pass changes nothing in it.
   struct Shared {
     std::mutex mutex;
     std::unique_ptr<NetworkSegmenter> segmenter;

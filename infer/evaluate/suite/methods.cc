@@ -17,7 +17,7 @@ namespace volalign {
 
 namespace {
 
-/// m: at an initial pose, depths within so much of the model's belong to the side that it shows.
+/// m: at an initial pose, a depth within so much of the model's belongs to the side there.
 constexpr double kLabelDistance = 0.1;
 
 /// Indices of the frames that have a pose.
@@ -40,7 +40,7 @@ FramePoses RefineByGraph(const SuiteStill& still, const FramePoses& initial,
   return refined;
 }
 
-/// Labels that the model has at a pose, where the depth is about the model's.
+/// The model's labels at a pose, for depths near the model's.
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, const Pose& pose) {
   const ExpectedView model = CastView(structure, view.rays, pose);
   SegmentationResult result{LabelImage(view.width(), view.height()),
@@ -53,7 +53,7 @@ SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, 
   return result;
 }
 
-/// Adds volalign's joint refinement of the initial poses, which say which pixels show which side.
+/// Adds volalign's joint refinement of the initial poses, which label the pixels.
 void RefineStatistically(const SuiteStill& still, int threads, MethodResult* method) {
   const FramePoses& initial = method->initial;
   FramePoses& refined = method->statistical.emplace(initial.size());

@@ -13,46 +13,45 @@
 
 namespace volalign {
 
-/// A capture with what the methods look at.
+/// A capture with the input of the methods.
 struct SuiteStill {
   EvaluationStill still;
   std::vector<SensorView> views;  ///< of its frames
-  /// Of its frames; empty where there are no infrared pictures.
+  /// Pictures of its frames; empty without infrared pictures.
   std::vector<GreyImage> infrared;
   std::vector<Intrinsics> infrared_intrinsics;
 };
 
-/// Poses of the frames, none where one was not placed.
+/// Poses of the frames; none for a frame that was not placed.
 using FramePoses = std::vector<std::optional<Pose>>;
 
-/// What a refinement found out about a sensor's depth beside its pose: the true depth is gain *
-/// measured + offset.
+/// The depth correction of a sensor by a refinement: true depth = gain * measured depth + offset.
 struct DepthCorrection {
   double gain = 1;
   double offset_m = 0;
 };
 
-/// What a method says about a capture.
+/// A method's result for a capture.
 struct MethodResult {
-  std::vector<LabelImage> labels;  ///< predicted, of its frames; empty of a method without labels
+  std::vector<LabelImage> labels;  ///< predicted, of its frames; empty without labels
   FramePoses initial;
-  std::optional<FramePoses> graph, statistical;  ///< refined; absent where a method has not
-  std::vector<DepthCorrection> corrections;      ///< that belong to `statistical`; as it, or empty
+  std::optional<FramePoses> graph, statistical;  ///< refined; absent if the method has none
+  std::vector<DepthCorrection> corrections;      ///< of `statistical`, or empty
 };
 
-/// What a network sees of a capture: its frames, those whose turn is not known as its training has
-/// them. Refers to the still.
+/// A network's input for a capture: its frames. A frame whose turn is not known is turned as in the
+/// training. Refers to the argument.
 std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still);
 
-/// The poses of a stage; null where the method has not got it.
+/// The poses of a stage; null if the method does not have it.
 const FramePoses* PosesAt(PoseStage stage, const MethodResult& result);
 
-/// The views as a stage's poses are to be looked at: with corrected depths, or as they are.
+/// The views for a stage's poses: with corrected depths, or as they are.
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteStill& still,
                                 const MethodResult& result);
 
-/// Runs a method. `segmenter`: of its model; unused by markers. Throws Error for
-/// markers without infrared pictures.
+/// Runs a method. `segmenter`: of its model; markers do not use it. Throws Error for markers
+/// without infrared pictures.
 MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads);
 

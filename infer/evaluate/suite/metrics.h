@@ -12,18 +12,19 @@
 namespace volalign {
 
 /// The metrics of the paper "Deep Soft Procrustes for Markerless Volumetric Sensor Alignment"
-/// (section Results) for one view, a pose of it, and the labels that were predicted for it.
+/// (section Results) for one view with a pose and predicted labels.
 struct PoseScore {
-  /// Mean IoU of the predicted labels and those that the structure's model shows at the pose, over
-  /// the pixels with depth: over all classes, one that is absent from both maps counting as 1 (the
-  /// code of the paper's authors), and over the classes that are present in either.
+  /// Mean IoU of the predicted labels and the model's labels at the pose, over the pixels with
+  /// depth. `miou_authors` is over all classes, and a class that both lack counts as 1, as in the
+  /// code of the paper's authors. `miou` is over the classes that either has.
   double miou_authors = 0, miou = 0;
-  /// miou_authors over all pixels: those without depth, which no network can label, count too.
+  /// miou_authors over all pixels. Those without depth, which no network can label, count too.
   double miou_authors_all = 0;
   int sides = 0;  ///< predicted with at least `min_pixels` pixels
-  /// Root mean square, m, of the distances between the mean point of each such side's pixels at the
-  /// pose, and the side's centre (the paper's 3D RMSE) or the mean point of the pixels on which the
-  /// model shows the side at the pose. Absent without sides.
+  /// Root mean square, m, of the distance of each such side's mean point at the pose from a
+  /// reference. The reference of `rmse_m` is the side's centre (the paper's 3D RMSE). For
+  /// `rmse_visible_m` it is the mean point of the model's pixels of the side at the pose. Absent
+  /// without sides.
   std::optional<double> rmse_m, rmse_visible_m;
 };
 PoseScore ScorePose(const SensorView& view, const LabelImage& labels, const Structure& structure,
@@ -35,13 +36,12 @@ struct ColumnStatistics {
   double mean = 0;
   double std = 0;  ///< of the population
   double rsd = 0;  ///< std / mean
-  /// Mean of the groups' own std / mean. The paper's table of the arc has an RSD that is 2 to 5
-  /// times below its STD / mean, as this one would be where distances differ more than captures at
-  /// one distance do; in all its other tables the RSD is STD / mean.
-  /// None where each group has one value.
+  /// Mean of the groups' own std / mean. None if each group has one value. In the paper's table of
+  /// the arc the RSD is 2 to 5 times below STD / mean. In all its other tables the RSD is STD /
+  /// mean. This mean is as low if distances differ more than captures at one distance.
   std::optional<double> rsd_within;
 };
-/// `groups`: of each value, the set-up that it comes from.
+/// `groups`: the set-up of each value.
 ColumnStatistics Column(const std::vector<double>& values, const std::vector<int>& groups);
 
 }  // namespace volalign

@@ -73,7 +73,7 @@ CaptureScores Score(std::size_t method, const SuiteStill& still, const SuiteConf
   return scores;
 }
 
-/// What every method says about a capture, computed where it is not known.
+/// Every method's scores of a capture, computed if they are not known.
 std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& suite,
                                    const SuiteRun& run, MethodSet& methods,
                                    WorkerRenderer& renderer, std::vector<CaptureScores>* fresh) {

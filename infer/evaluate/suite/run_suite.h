@@ -13,19 +13,19 @@
 namespace volalign {
 
 struct SuiteRun {
-  std::filesystem::path output;  ///< results go to captures/ in it; what is there is not done again
-  std::string program;           ///< identifies the program's build
-  int workers = 1;               ///< captures that are worked on at the same time
-  RendererFactory make_renderer;                          ///< called by each worker that renders
-  int max_captures = 0;                                   ///< of each dataset, evenly taken; 0: all
+  std::filesystem::path output;   ///< results go to captures/ in it and are not computed again
+  std::string program;            ///< identifies the program's build
+  int workers = 1;                ///< captures that are computed at the same time
+  RendererFactory make_renderer;  ///< called by each worker that renders
+  int max_captures = 0;           ///< of each dataset, evenly taken; 0: all
   std::function<void(const std::string& line)> progress;  ///< one line per capture
   CountDone count;                                        ///< of captures
 };
 
-/// Runs every method whose model exists on every capture, and returns what is known, by datasets,
-/// captures and methods in order. A result is written when it is there, and computed again only
-/// when the program, the capture, the model or an option has changed. Throws what reading,
-/// rendering and calibration throw.
+/// Runs every method whose model exists on every capture. Returns all results, in order of
+/// datasets, captures and methods. Each result is written at once. It is computed again only if the
+/// program, the capture, the model or an option has changed. Throws what reading, rendering and
+/// calibration throw.
 std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& run);
 
 }  // namespace volalign

@@ -22,8 +22,8 @@ Pose TruePose(const EvaluationStill& still, std::size_t i) {
 
 constexpr double kSurfaceGrid = 0.005;  // m
 
-/// d1 and d2 of the points of the views that have a pose, and the structure's surface. Nothing for
-/// no points.
+/// The distances d1 and d2 between the points of the views with a pose and the structure's surface.
+/// Nothing without points.
 std::optional<SetDistances> Distances(const std::vector<SensorView>& views, const FramePoses& poses,
                                       const std::vector<LabelImage>& labels,
                                       const std::vector<Eigen::Vector3d>& surface) {

@@ -33,9 +33,9 @@ struct StageScores {
   std::optional<double> d1_m, d2_m;
 };
 
-/// What one method made of one capture.
+/// The scores of one method on one capture.
 struct CaptureScores {
-  std::string fingerprint;  ///< of all that it depends on
+  std::string fingerprint;  ///< of everything that it depends on
   std::string dataset, set_up, capture, method;
   std::vector<StageScores> stages;
   std::vector<ViewScores> views;
@@ -44,16 +44,17 @@ struct CaptureScores {
 };
 
 /// Scores a method's poses. The points of d1 and d2 are those of the pixels that truly show the
-/// structure, the same for every method, of the views that it placed; of a recording, whose labels
-/// nobody knows, those that the method labelled. Errors and floors are taken in the frame in which
-/// the boxes' own displacements average out (EvaluationStill::nominal_from_built).
+/// structure, in the views that the method placed. They are the same for every method. For a
+/// recording, whose true labels nobody knows, they are those that the method labelled. Errors and
+/// floors are in the frame in which the boxes' own displacements average out
+/// (EvaluationStill::nominal_from_built).
 CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels);
 
 void WriteScores(const std::filesystem::path& path, const CaptureScores& scores);
 /// Throws IoError or DataError.
 CaptureScores ReadScores(const std::filesystem::path& path);
 
-/// All of them as the JSON text of suite.json.
+/// All scores as the JSON text of suite.json.
 std::string FormatScores(const std::vector<CaptureScores>& scores);
 
 }  // namespace volalign

@@ -19,9 +19,9 @@ constexpr Words<MethodKind, 3> WordsOf(MethodKind) {
            {"volalign", MethodKind::kVolalign}}};
 }
 
-/// Which poses of a method: its initial ones, those that the paper's refinement makes of them,
-/// those that volalign's does, or these with each sensor's depth corrected by the gain and the
-/// offset that were estimated with its pose.
+/// Poses of a method: its initial ones, as the paper refines them, as volalign does, and as
+/// volalign does with corrected depths. The correction is the gain and offset that were estimated
+/// with each sensor's pose.
 enum class PoseStage { kInitial, kGraph, kStatistical, kCorrected };
 constexpr Words<PoseStage, 4> WordsOf(PoseStage) {
   return {{{"initial", PoseStage::kInitial},
@@ -30,7 +30,7 @@ constexpr Words<PoseStage, 4> WordsOf(PoseStage) {
            {"corrected", PoseStage::kCorrected}}};
 }
 
-/// Of a view but for the last two, which are of a capture (suite/metrics.h).
+/// All but the last two are of a view, these of a capture (suite/metrics.h).
 enum class SuiteMetric { kMiouAuthors, kMiou, kMiouAuthorsAll, kRmse, kRmseVisible, kD1, kD2 };
 constexpr Words<SuiteMetric, 7> WordsOf(SuiteMetric) {
   return {{{"miou_authors", SuiteMetric::kMiouAuthors},
@@ -59,7 +59,7 @@ struct SuiteDataset {
   }
 };
 
-/// What finds initial poses.
+/// A method that finds initial poses.
 struct SuiteMethod {
   std::string name;
   MethodKind kind = MethodKind::kNetwork;
@@ -135,8 +135,8 @@ struct SuiteTable {
   }
 };
 
-/// labels: predicted labels over depth, a column for each view; attention: the network's attention
-/// over depth, likewise; clouds: points coloured by their distance to the structure.
+/// labels: predicted labels over depth, a column for each view. attention: the network's attention
+/// over depth, likewise. clouds: points coloured by their distance to the structure.
 enum class FigureKind { kLabels, kAttention, kClouds };
 constexpr Words<FigureKind, 3> WordsOf(FigureKind) {
   return {{{"labels", FigureKind::kLabels},
@@ -188,12 +188,12 @@ struct SuiteConfig {
 };
 
 /// Reads a suite. Paths in the result are relative to the working folder. Throws ConfigError for
-/// names that are not unique or refer to nothing, and for rows whose `paper` has not four cells a
-/// block; IoError.
+/// names that are not unique or refer to nothing, and for rows whose `paper` does not have four
+/// cells per block. Throws IoError.
 SuiteConfig ReadSuite(const std::string& path);
 
-/// The suite with the tables of this name alone ("all": every one), and the datasets and methods
-/// that they need; figures belong to "all". Throws ConfigError for an unknown name.
+/// The suite with the tables of this name alone ("all": every one), and their datasets and methods.
+/// Figures belong to "all". Throws ConfigError for an unknown name.
 SuiteConfig SelectTables(SuiteConfig suite, const std::string& name);
 
 }  // namespace volalign

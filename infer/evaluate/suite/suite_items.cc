@@ -18,7 +18,7 @@ namespace {
 
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
-/// `most` items of a list, evenly taken; all where it is 0.
+/// At most `most` items of a list, evenly taken; 0: all.
 template <class T>
 std::vector<T> Some(std::vector<T> items, int most) {
   const auto wanted = static_cast<std::size_t>(most);

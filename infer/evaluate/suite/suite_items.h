@@ -17,19 +17,19 @@ namespace volalign {
 /// A capture of a suite, to be rendered or read when its turn comes.
 struct SuiteItem {
   std::string dataset, set_up, capture;
-  std::optional<Rig> rig;  ///< to render, else
+  std::optional<Rig> rig;  ///< to render; else a recording
   EvaluationItem recording;
   std::string identity;   ///< everything that it depends on
-  bool infrared = false;  ///< a method wants markers
+  bool infrared = false;  ///< a method needs markers
 };
 
-/// Captures of a dataset, at most `most` of them, evenly taken (0: all): the turns of its rigs,
-/// then its recordings, which are of `structure` unless they name another. Throws what reading rigs
-/// and captures throws.
+/// At most `most` captures of a dataset, evenly taken (0: all): the turns of its rigs, then its
+/// recordings. Recordings are of `structure` unless they name another. Throws what reading rigs and
+/// captures throws.
 std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& structure,
                                   bool infrared, int most);
 
-/// A thread's renderer, made when it is needed first; destroyed on the thread that made it.
+/// A thread's renderer, made at its first use; it is destroyed on the thread that made it.
 class WorkerRenderer {
  public:
   explicit WorkerRenderer(RendererFactory make) : make_(std::move(make)) {}

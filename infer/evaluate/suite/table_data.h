@@ -10,9 +10,9 @@
 
 namespace volalign {
 
-/// Whether more of a metric is better.
+/// Is a larger value of the metric better?
 bool MoreIsBetter(SuiteMetric metric);
-/// Whether the paper prints it in percent.
+/// Does the paper print it in percent?
 bool InPercent(SuiteMetric metric);
 
 /// One metric of one row over a block's captures.
@@ -20,15 +20,16 @@ struct TableCell {
   bool applicable = true;
   std::vector<double> values;  ///< of each placed view, or of each capture with one
   ColumnStatistics column;
-  std::optional<double> distance;  ///< to the best mean of the table's rows that the paper has
+  std::optional<double>
+      distance;  ///< to the best mean of those of the table's rows that the paper has
   std::optional<double> floor;  ///< mean of the metric at the true poses, of all views or captures
 };
 
-/// Pose errors and failures of one row over a block's captures, which rendering tells.
+/// Pose errors and failures of one row over a block's captures, by the truth of rendering.
 struct TableTruth {
   int views = 0, lost = 0;
   int measured = 0;  ///< placed, with a ground truth
-  int wrong = 0;     ///< of these: over 10 cm or 5 deg off
+  int wrong = 0;     ///< over 10 cm or 5 deg off, among these
   double mean_mm = 0, median_mm = 0, mean_deg = 0, median_deg = 0;
   std::optional<double> miou_of_truth;  ///< mean of the labels' plain mIoU against the true ones
 };
@@ -48,12 +49,12 @@ struct TableData {
 TableData MakeTable(const SuiteConfig& suite, const SuiteTable& table,
                     const std::vector<CaptureScores>& scores);
 
-/// A table for people: our figure of each cell, and the paper's in brackets; floors; then pose
-/// errors, failures and each set-up's own spread.
+/// A table for people: our figure of each cell with the paper's in brackets, and floors. Then come
+/// pose errors, failures and each set-up's own spread.
 std::string FormatMarkdown(const TableData& table);
 /// A line for each row and block.
 std::string FormatCsv(const TableData& table);
-/// All numbers, with every value that went into them.
+/// All numbers, with the single values behind them.
 std::string FormatTableJson(const TableData& table);
 
 }  // namespace volalign

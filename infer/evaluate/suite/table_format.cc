@@ -14,7 +14,7 @@ namespace {
 
 constexpr const char* kColumns[4] = {"Mean", "STD", "RSD", "to best"};
 
-/// Our four cells of a block, as the paper prints them; "-" where there is nothing.
+/// Our four cells of a block in the paper's form; "-" for none.
 std::vector<std::string> Cells(const TableCell& cell, SuiteMetric metric) {
   if (!cell.applicable) return {"N/A", "N/A", "N/A", "N/A"};
   if (cell.values.empty()) return {"-", "-", "-", "-"};

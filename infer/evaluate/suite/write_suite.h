@@ -9,8 +9,8 @@
 
 namespace volalign {
 
-/// Writes into a folder, for each table, TABLE.md, .csv and .json; and suite.md, all tables, and
-/// suite.json, the scores. Returns suite.md's text.
+/// Writes TABLE.md, .csv and .json for each table into a folder, suite.md with all tables, and
+/// suite.json with the scores. Returns suite.md's text.
 std::string WriteSuite(const std::filesystem::path& folder, const SuiteConfig& suite,
                        const std::vector<CaptureScores>& scores);
 
