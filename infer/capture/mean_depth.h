@@ -14,10 +14,8 @@ namespace volalign {
 /// thus invented between foreground and background. Its sigma is the standard error of that mean,
 /// by the deviation from the median that 68 % of the values keep. Median and deviation are those of
 /// the first kMostKept frames; only these are kept. For a pixel that they did not measure, its
-/// first value is the median.
-///
-/// A pixel has no depth if fewer than three frames measured it (two, of two frames): one value says
-/// nothing about its deviation.
+/// first value is the median. A pixel has no depth if fewer than three frames measured it (two, of
+/// two frames): one value says nothing about its deviation.
 class MeanDepth {
  public:
   static constexpr std::size_t kMostKept = 32;

@@ -1,5 +1,4 @@
-// Depth streams of a bag: what the recorders of RealSense and Orbbec write, and depth images of
-// ROS 1.
+// Depth streams of a bag: of the recorders of RealSense and Orbbec, and depth images of ROS 1.
 
 #include <fmt/format.h>
 
@@ -51,7 +50,7 @@ OrbbecProfile ReadOrbbecProfile(std::string_view message, const std::string& nam
   OrbbecProfile profile;
   profile.intrinsics.width = reader.Value<std::uint16_t>();
   profile.intrinsics.height = reader.Value<std::uint16_t>();
-  reader.Value<std::uint16_t>();  // frames a second
+  reader.Value<std::uint16_t>();  // frames per second
   std::array<float, 4> f;         // fx fy cx cy
   std::array<float, 8> d;         // k1 ... k6 p1 p2
   take(&f);
@@ -72,7 +71,7 @@ OrbbecProfile ReadOrbbecProfile(std::string_view message, const std::string& nam
         "is not OpenCV's; record with the SDK's rectification, or give \"intrinsics\"",
         model);
   }
-  // The recorder leaves zeros where the streams had no extrinsics.
+  // The recorder leaves zeros if the streams had no extrinsics.
   if (std::any_of(r.begin(), r.end(), [](float x) { return x != 0; })) {
     try {
       profile.colour_from_stream = PoseFromRotation(
@@ -111,8 +110,8 @@ void ReadOrbbecProperty(std::string_view message, const std::string& name,
   }
 }
 
-/// Whether nothing more is to come: every image topic that may be depth has all its frames, and of
-/// what describes them a message was seen.
+/// Is nothing more to come? Every image topic that may be depth then has all its frames, and a
+/// message of each topic that describes them was seen.
 bool IsComplete(const RosContent& content, const RosBag& bag, int max_frames) {
   if (!bag.has_index() || content.streams.empty()) return false;
   for (const auto& [id, connection] : bag.connections()) {
@@ -185,7 +184,7 @@ Recording ReadBagRecording(const std::filesystem::path& path, const std::string&
   RosContent content;
   const RosReading reading{name, max_frames, budget};
   bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
-    // Asked after what may complete it alone: it goes through all connections.
+    // This comes only after messages that may complete it, because it visits all connections.
     return !CollectRos1(connection.topic, connection.type, message, reading, &content) ||
            !IsComplete(content, bag, max_frames);
   });

@@ -11,8 +11,8 @@
 
 namespace volalign::formats_internal {
 
-/// Takes little-endian values off the front of some bytes; throws DataError, which `name` begins,
-/// where there are too few.
+/// Takes little-endian values off the front of some bytes. Throws DataError, which `name` begins,
+/// if there are too few.
 class ByteReader {
  public:
   ByteReader(std::string_view bytes, const std::string& name) : bytes_(bytes), name_(name) {}
@@ -32,7 +32,7 @@ class ByteReader {
     std::memcpy(&value, Take(sizeof(T)).data(), sizeof(T));
     return value;
   }
-  /// As many bytes as the 32-bit number before them says.
+  /// As many bytes as the 32-bit number before them states.
   std::string_view Block() { return Take(Value<std::uint32_t>()); }
 
  private:

@@ -49,8 +49,9 @@ class Memory : public Imf::IStream {
   std::size_t at_ = 0;
 };
 
-/// Throws DataError for an attribute that is larger than the file (openexr.com's file layout: name,
-/// type, size, value; an empty name ends a header): OpenEXR takes the memory before it reads.
+/// Throws DataError for an attribute that is larger than the file, because OpenEXR takes the memory
+/// before it reads. The file layout (openexr.com) is name, type, size, value; an empty name ends a
+/// header.
 void RequireAttributesInside(const std::string& bytes, const std::string& name) {
   constexpr std::size_t kHeadersAt = 8;
   constexpr unsigned int kMultiPart = 0x10;  // of the version's second byte
@@ -87,7 +88,7 @@ std::string LastPart(const std::string& channel) {
   return dot == std::string::npos ? channel : channel.substr(dot + 1);
 }
 
-/// The channels that may be depth, the first of them to be read, the others equal to it.
+/// The channels that may be depth. The first is to be read, the others have to equal it.
 std::vector<std::string> DepthChannels(const Imf::ChannelList& list, const std::string& name) {
   std::vector<std::string> all;
   for (auto it = list.begin(); it != list.end(); ++it) all.emplace_back(it.name());

@@ -28,7 +28,7 @@ bool IsTiff(const std::string& bytes) {
          BeginsWith(bytes, "II+\0"s) || BeginsWith(bytes, "MM\0+"s);
 }
 
-/// Those of letters alone, in lower case.
+/// The words of letters alone, in lower case.
 std::vector<std::string> WordsOf(const std::string& name) {
   std::string letters = Lower(name);
   for (char& c : letters) {

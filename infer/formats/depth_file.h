@@ -18,45 +18,45 @@ struct StoredDepth {
   bool whole_numbers = false;  ///< stored as integers, hence rounded to whole units
 };
 
-/// Reads a depth file by its content, whatever its name: PNG (16-bit grey), PGM (P2, P5), TIFF (one
-/// channel; 8, 16 or 32-bit integers, 32 or 64-bit floats), OpenEXR (one channel, or the one named
-/// Z or Y, with or without a layer's name before it, or R where R, G and B are equal), NPY (a
-/// two-dimensional array, C or Fortran order, either byte order). Values that are not finite, and
-/// negative ones, are no measurement and become 0. Throws IoError, or DataError for anything else,
-/// for a truncated file, and where all measured values are negative (an axis that points
-/// backwards).
+/// Reads a depth file by its content, whatever its name. PNG is 16-bit grey, PGM is P2 or P5. TIFF
+/// has one channel of 8, 16 or 32-bit integers or 32 or 64-bit floats. OpenEXR has one channel, or
+/// one named Z or Y, with or without a layer's name before it, or equal R, G and B. NPY is a
+/// two-dimensional array, in C or Fortran order and either byte order. Values that are not finite,
+/// and negative ones, are no measurement and become 0. Throws IoError. Throws DataError for
+/// anything else, for a truncated file, and if all measured values are negative (an axis that
+/// points backwards).
 StoredDepth ReadStoredDepth(const std::filesystem::path& path);
 /// The same, counted by `budget` before its pixels are unpacked.
 StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget);
 
-/// Of its values in memory.
+/// The size of its values in memory, bytes.
 std::uint64_t BytesOf(const StoredDepth& depth);
 
-/// Whether an image's or a topic's name calls it something else than depth: the last of its words
-/// that tells, those behind "to" apart, is infrared, color, labels and so on.
+/// Does an image's or a topic's name call it something else than depth? The last word with a
+/// meaning, except those behind "to", then is infrared, color, labels and so on.
 bool IsNamedOtherwise(const std::string& name);
-/// Whether one of the name's words, of letters alone, is one of `words`.
+/// Is one of the name's words, of letters alone, one of `words`?
 bool HasWord(const std::string& name, std::initializer_list<std::string_view> words);
 
-/// Makes values that are no measurement, as above, 0. Throws DataError, which begins with `name`,
-/// where all measured values are negative.
+/// Sets values that are no measurement, as above, to 0. Throws DataError, which begins with `name`,
+/// if all measured values are negative.
 void CleanDepth(const std::string& name, StoredDepth* depth);
 
-/// What of a file this module can read, for messages.
+/// The formats of depth files, for messages.
 inline constexpr char kDepthFormats[] = "PNG (16-bit grey), PGM (P2, P5), TIFF, OpenEXR or NPY";
-/// How the names of such files end, in lower case, by which a folder's are told from others.
+/// Endings of the names of such files, in lower case, by which they are found in a folder.
 inline constexpr const char* kDepthEndings[] = {".png", ".pgm", ".tif", ".tiff", ".exr", ".npy"};
 
 namespace formats_internal {
 
-/// No depth sensor comes near these; what claims more is refused before memory is taken.
+/// No depth sensor comes near these. Larger sizes are refused before memory is taken.
 inline constexpr int kMaxSide = 1 << 15;
 inline constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
 
 /// Throws DataError unless a depth image may have this size.
 void RequireSize(long long width, long long height, const std::string& name);
 
-/// Of whole files in memory; `name` begins every message. Values are as stored.
+/// Decode whole files in memory. `name` begins every message. Values are as stored.
 StoredDepth DecodeNpy(const std::string& bytes, const std::string& name);
 StoredDepth DecodeTiff(const std::string& bytes, const std::string& name);
 StoredDepth DecodeExr(const std::string& bytes, const std::string& name);

@@ -47,7 +47,7 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
     throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
                                 Shortened(dictionary)));
   };
-  // A Python dictionary of these three keys, as numpy writes it.
+  // A Python dictionary with these three keys, as numpy writes it.
   TextScanner scanner(dictionary);
   const auto take = [&](std::string_view word) {
     scanner.SkipBlanks();

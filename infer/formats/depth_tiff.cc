@@ -1,4 +1,4 @@
-// TIFF by libtiff, from memory: nothing that a file says makes it open another one.
+// TIFF by libtiff, from memory: nothing in a file makes it open another one.
 
 #include <fmt/format.h>
 #include <tiffio.h>
@@ -48,7 +48,7 @@ toff_t Seek(thandle_t handle, toff_t offset, int whence) {
 int Close(thandle_t) { return 0; }
 toff_t Size(thandle_t handle) { return static_cast<TiffBytes*>(handle)->bytes->size(); }
 
-/// Handlers of one open file. They return 1: the process's own handlers are not called as well.
+/// Handlers of one open file. They return 1, so that the process's own handlers are not called.
 int OnError(TIFF*, void* last_error, const char* module, const char* format, va_list arguments) {
   char text[512];
   std::vsnprintf(text, sizeof(text), format, arguments);

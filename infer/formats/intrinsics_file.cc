@@ -33,7 +33,7 @@ constexpr char kForms[] =
     "CalibrationInformation, "
     "pyorbbecsdk's OBCameraParam, or DepthAI's cameraData";
 
-/// Each alone says that a text is one of intrinsics.
+/// Each alone shows that a text is one of intrinsics.
 constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
                                              "cameraData",
                                              "intrinsic_matrix",

@@ -12,18 +12,18 @@
 namespace volalign {
 
 /// The colour camera of an Azure Kinect, by the device's raw calibration JSON. Its intrinsics are
-/// those of pictures of the size `picture`; without one they are left out. Throws DataError, with
-/// `name` in its message.
+/// for pictures of the size `picture`; without one they are left out. Throws DataError, with `name`
+/// in its message.
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
                                const std::optional<FrameSize>& picture);
-/// The same of a file, without intrinsics. Throws IoError or DataError.
+/// The same for a file, without intrinsics. Throws IoError or DataError.
 ColourCamera ReadKinectColour(const std::filesystem::path& path);
 
 namespace formats_internal {
 
 enum class KinectCamera { kDepth, kColour };
 
-/// That camera of a raw calibration (CalibrationInformation); throws DataError where it has none.
+/// The camera in a raw calibration (CalibrationInformation). Throws DataError if it has none.
 YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const std::string& name);
 
 /// A frame that is cut out of a chip, whole or binned, at (left, top), pixels.

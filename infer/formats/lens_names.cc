@@ -37,7 +37,7 @@ std::vector<double> NamedLens(const std::string& model, const std::vector<double
                             "distortion.brown_conrady", "rs2_distortion_brown_conrady"}) {
     if (word == known || word.empty()) return Distortion(numbers, name);
   }
-  // Without coefficients every model is that of a rectified image; RealSense prints five zeros.
+  // Without coefficients every model is a rectified image; RealSense prints five zeros.
   if (is_zero) return std::vector<double>(numbers.empty() ? 0 : 5, 0.0);
   throw DataError(fmt::format(
       "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown Conrady); "

@@ -1,5 +1,5 @@
-// Depth streams of an MCAP file (mcap.dev/spec): messages of ROS 1 or of ROS 2. Read from the
-// front, without its index, so that a file that was cut off still gives what it has.
+// Depth streams of an MCAP file (mcap.dev/spec): messages of ROS 1 or of ROS 2. It is read from the
+// front, without its index, so that a file that was cut off still gives its frames.
 
 #include <fmt/format.h>
 
@@ -174,8 +174,7 @@ class McapReader {
       const auto length = inner.Value<std::uint64_t>();
       Take(opcode, inner.Take(length), /*within_chunk=*/true);
     }
-    // Chunks of a long recording are not gone through once every depth stream has its frames and a
-    // camera of it was seen.
+    // The rest of a long recording is skipped once every depth stream has its frames and a camera.
     complete_ = HasAllFrames(content_, reading_.max_frames) && HaveCameras(content_);
   }
 

@@ -1,5 +1,5 @@
-// Depth of a Matroska file, as the Azure Kinect's recorder writes it: a track of 16-bit big-endian
-// images, the device's raw calibration as an attachment, its serial number as a tag.
+// Depth of a Matroska file of the Azure Kinect's recorder: a track of 16-bit big-endian images, the
+// device's raw calibration as an attachment, its serial number as a tag.
 
 #include <ebml/EbmlHead.h>
 #include <ebml/EbmlStream.h>
@@ -58,7 +58,7 @@ struct Content {
   std::map<std::string, std::string> tags;
 };
 
-/// The master's first child of a type; null where it has none.
+/// The master's first child of a type; null without any.
 template <class T>
 const T* Child(const libebml::EbmlMaster& master) {
   return static_cast<const T*>(master.FindElt(EBML_INFO(T)));
@@ -72,8 +72,8 @@ void ForEach(const libebml::EbmlMaster& master, Use use) {
   }
 }
 
-/// libebml keeps an element's size as it is stated, however few bytes the file has of it. Throws
-/// DataError for one that ends behind the file.
+/// libebml keeps an element's stated size, however few bytes the file has. Throws DataError for an
+/// element that ends behind the file.
 std::string Bytes(const libebml::EbmlBinary* binary, const Content& content) {
   if (!binary || !binary->GetBuffer()) return "";
   const std::uint64_t end = binary->GetElementPosition() + binary->HeadSize() + binary->GetSize();
@@ -85,7 +85,7 @@ std::string Bytes(const libebml::EbmlBinary* binary, const Content& content) {
                      static_cast<std::size_t>(binary->GetSize()));
 }
 
-/// Four letters: of a BITMAPINFOHEADER, its biCompression; else of ColourSpace.
+/// Four letters: biCompression of a BITMAPINFOHEADER, else ColourSpace.
 std::string FourCc(const std::string& codec, const std::string& codec_private,
                    const std::string& colour_space) {
   if (codec == "V_MS/VFW/FOURCC" && codec_private.size() >= 20) return codec_private.substr(16, 4);
@@ -123,7 +123,7 @@ void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
   content->tracks.push_back(std::move(track));
 }
 
-/// Of tracks with names, DEPTH is the one; the others (IR) are as grey.
+/// Keeps DEPTH of tracks with names; the others (IR) are as grey.
 void KeepDepthTracks(Content* content) {
   std::vector<Track>& tracks = content->tracks;
   const auto is_depth = [](const Track& track) { return track.name == "DEPTH"; };
@@ -211,7 +211,7 @@ bool HasAllFrames(const Content& content, int max_frames) {
          });
 }
 
-/// Adds what a part of the segment has; parts of no interest were not read.
+/// Adds the content of a part of the segment; irrelevant parts were not read.
 void AddPart(const libebml::EbmlMaster& part, int max_frames, ReadBudget* budget,
              Content* content) {
   const libebml::EbmlId id(part);
@@ -250,7 +250,7 @@ Element FindSegment(libebml::EbmlStream* stream) {
 }
 
 /// Throws DataError for a part of the segment that is larger than any recorder writes. A cluster
-/// that was written live says no size; it ends at the latest where the file does.
+/// that was written live states no size; it ends at the file's end at the latest.
 void RequireBounded(const libebml::EbmlElement& part, std::uint64_t left, const std::string& name) {
   const bool is_cluster = libebml::EbmlId(part) == EBML_ID(mkv::KaxCluster);
   if (!part.IsFiniteSize() && !is_cluster)
@@ -261,9 +261,9 @@ void RequireBounded(const libebml::EbmlElement& part, std::uint64_t left, const 
     throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, size));
 }
 
-/// libmatroska 1.7 counts the laced frames of a block with a byte, which never passes the 255 that
-/// stand for 256 frames of one size: it would go on for ever. No depth frame is laced; such a block
-/// has 255 here.
+/// libmatroska 1.7 counts the laced frames of a block with a byte. It never passes the 255 that
+/// mean 256 frames of one size and would go on for ever. No depth frame is laced; such a block has
+/// 255 frames here.
 class RecordingFile : public libebml::StdIOCallback {
  public:
   explicit RecordingFile(const std::filesystem::path& path)
@@ -271,7 +271,8 @@ class RecordingFile : public libebml::StdIOCallback {
   std::uint32_t read(void* buffer, std::size_t size) override {
     const std::uint32_t count = StdIOCallback::read(buffer, size);
     auto* const bytes = static_cast<std::uint8_t*>(buffer);
-    // libebml takes what it did not get for read: never what was in the memory before.
+    // libebml uses bytes that it did not get as if it had read them, so they must not be old
+    // memory.
     std::fill(bytes + count, bytes + size, std::uint8_t{0});
     // The track's number of one or two bytes, the time of two, the flags.
     const std::size_t flags = count > 0 && bytes[0] >= 0x80 ? 3 : 4;
@@ -302,8 +303,8 @@ Content ReadContent(const std::filesystem::path& path, int max_frames, const std
       file.reads_blocks = libebml::EbmlId(*part) == EBML_ID(mkv::KaxCluster);
       part->Read(stream, EBML_CONTEXT(part), upper, found, true);
       file.reads_blocks = false;
-      // What was found beyond the part is the caller's; else the part has it already. One level
-      // above its children is the next part.
+      // An element found beyond the part belongs to the caller; else the part has it already. One
+      // level above its children is the next part.
       if (upper > 0) {
         beyond.reset(found);
         --upper;
@@ -329,7 +330,7 @@ std::string KinectKind(int width, int height) {
   return width == 1024 && height == 1024 ? "azure_kinect_wfov_unbinned" : "";
 }
 
-/// Nothing of a calibration that does not say where the colour camera is: depth needs it not.
+/// None if the calibration does not have the colour camera's pose, because depth does not need it.
 std::optional<ColourCamera> Colour(const Content& content, const std::string& name) {
   try {
     return ParseKinectColour(content.calibration, name + ": calibration.json", content.picture);

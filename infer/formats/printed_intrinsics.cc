@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t kMostSizeDigits = 5;  // of a width or height
 constexpr std::size_t kLongestPrint = 1000;
 
-/// Up to the first word that is none.
+/// The numbers up to the first other word.
 std::vector<double> NumbersOfText(const std::string& text) {
   std::vector<double> numbers;
   TextScanner scanner(text);
@@ -43,8 +43,8 @@ std::string After(const std::string& block, const std::string& key, const std::s
   throw DataError(fmt::format("{}: {} is missing", name, key));
 }
 
-/// "640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0]", with a bracket around
-/// it of which the first is taken already.
+/// "640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0]", in brackets; the first
+/// bracket is taken already.
 struct Printed {
   int width = 0, height = 0;
   std::string_view centre, focal, model, distortion;
@@ -75,7 +75,7 @@ std::string WithoutBlanksAround(std::string_view text) {
 
 std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
   for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
-    // Of a part of the text, so that many open brackets do not each look through all of it.
+    // Only a part of the text, so that many open brackets do not each search all of it.
     const std::optional<Printed> printed =
         TakePrinted(TextScanner(std::string_view(text).substr(at + 1, kLongestPrint)));
     if (!printed) continue;

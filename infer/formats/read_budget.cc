@@ -9,7 +9,7 @@ namespace volalign {
 
 namespace {
 
-/// Bytes unpacked of one that is stored. Frames without any noise reach some 50.
+/// Most bytes unpacked from one stored byte. Frames without any noise reach some 50.
 constexpr std::uint64_t kMostOfAByte = 128;
 constexpr std::uint64_t kBlock = 512;  // bytes, of stat's count
 constexpr int kMebibyteBits = 20;

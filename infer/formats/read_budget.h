@@ -9,31 +9,30 @@
 
 namespace volalign {
 
-/// What a record costs beside its bytes, in bytes that could be unpacked in that time.
+/// Cost of a record beside its bytes, in bytes that could be unpacked in that time.
 inline constexpr std::uint64_t kRecordCost = 256;
 
-/// What reading may cost: of one recording, or of a whole capture, whose readers share it. Each
+/// The limit on the cost of reading one recording, or a whole capture, whose readers share it. Each
 /// part of a file has a limit of its own; this is the limit of all of them together.
 class ReadBudget {
  public:
-  /// Allowed for any file, and of each count: bytes. A file's own size allows more.
+  /// Bytes allowed for any file, for each count. A file's own size allows more.
   static constexpr std::uint64_t kBase = std::uint64_t{1} << 30;
 
   explicit ReadBudget(std::uint64_t base = kBase) : allowed_(base) {}
 
-  /// Allows as much more as a file of this size may hold. A file counts once, and with what it has
-  /// on the disk, so that neither repeating it nor its holes allow anything.
+  /// Allows as much more as a file of this size may contain. A file counts once, and with its size
+  /// on the disk, so that neither repeats nor holes allow anything.
   void Open(const std::filesystem::path& path);
 
-  /// Counts bytes that are unpacked or gone through, and thereby time. False beyond what is
-  /// allowed.
+  /// Counts bytes that are unpacked or passed, and thereby time. False beyond the limit.
   bool Spend(std::uint64_t bytes);
   /// The same before the bytes are unpacked. Throws DataError, which `name` begins.
   void Unpack(std::uint64_t bytes, const std::string& name);
 
   /// Counts bytes before they are kept in memory. Throws DataError, which `name` begins.
   void Keep(std::uint64_t bytes, const std::string& name);
-  /// Of what was kept, these are let go.
+  /// Subtracts kept bytes that are released.
   void Drop(std::uint64_t bytes) { kept_ -= bytes; }
   std::uint64_t kept() const { return kept_; }
 

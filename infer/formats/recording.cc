@@ -19,7 +19,7 @@ namespace volalign {
 
 namespace {
 
-/// A kind of recording: what its files begin with, and its reader.
+/// A kind of recording: the first bytes of its files, and its reader.
 struct Kind {
   const char* magic;
   formats_internal::Recording (*read)(const std::filesystem::path& path, const std::string& name,
@@ -31,7 +31,7 @@ constexpr Kind kKinds[] = {{"#ROSBAG V", formats_internal::ReadBagRecording},
                            {"\x89MCAP0\r\n", formats_internal::ReadMcapRecording},
                            {"\x1a\x45\xdf\xa3", formats_internal::ReadMkvRecording}};
 
-/// Of what zstd packed as a whole, those that it packed.
+/// The first bytes of a file, unpacked if zstd packed it as a whole.
 std::string FirstBytes(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) return "";
@@ -113,7 +113,7 @@ std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int 
                                 name, recording.contents.size() == 1 ? "is" : "are",
                                 contents.empty() ? "no images or messages" : contents));
   }
-  // They are printed.
+  // These texts are printed.
   for (RecordedDepth& stream : streams) {
     for (std::string* text :
          {&stream.stream, &stream.device, &stream.serial, &stream.intrinsics_source})

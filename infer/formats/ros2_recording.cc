@@ -1,5 +1,5 @@
-// Depth streams of a bag of ROS 2 in SQLite (.db3): what RealSense's recorder writes today,
-// and depth images of `ros2 bag record`. Messages are CDR, little-endian.
+// Depth streams of a bag of ROS 2 in SQLite (.db3), of today's recorder of RealSense, and depth
+// images of `ros2 bag record`. Messages are CDR, little-endian.
 
 #include <fmt/format.h>
 #include <sqlite3.h>
@@ -31,7 +31,7 @@ constexpr std::size_t kHeader = 4;
 constexpr int kMaxLength = 1 << 28;  // bytes of a message
 constexpr std::size_t kMaxTopics = 1000;
 constexpr int kStepsAtATime = 1000;
-/// Of compressed_depth_image_transport, before the PNG: a number and two floats.
+/// Bytes of compressed_depth_image_transport before the PNG: a number and two floats.
 constexpr std::size_t kDepthHeader = 12;
 
 /// A message's values, each aligned to its size.
@@ -88,7 +88,7 @@ std::map<std::string, std::string> ParsePairs(const std::string& text) {
   return pairs;
 }
 
-/// The numbers of "0.015,0,0"; none where one of them is none.
+/// The numbers of "0.015,0,0"; none if any is no number.
 std::vector<double> ParseNumbers(const std::map<std::string, std::string>& pairs, const char* key) {
   std::vector<double> values;
   const auto found = pairs.find(key);
@@ -100,8 +100,8 @@ std::vector<double> ParseNumbers(const std::map<std::string, std::string>& pairs
   return values;
 }
 
-/// "rotation=1,0,...;translation=0.015,0,0", the rotation column by column, metres. None for what
-/// is no rigid motion, which depth does not need.
+/// "rotation=1,0,...;translation=0.015,0,0", the rotation column by column, metres. None if it is
+/// no rigid motion, because depth does not need it.
 std::optional<Pose> ParseStreamTransform(const std::string& text) {
   const auto pairs = ParsePairs(text);
   const std::vector<double> r = ParseNumbers(pairs, "rotation"),
@@ -116,8 +116,8 @@ std::optional<Pose> ParseStreamTransform(const std::string& text) {
 }
 
 /// "width=320;height=180;fx=235.07;ppx=166.44;fy=235.15;ppy=88.96;model=Brown
-/// Conrady;coeffs=0,0,0,0,0" of librealsense 2.58. What is missing is 0, as of a camera that is not
-/// calibrated.
+/// Conrady;coeffs=0,0,0,0,0" of librealsense 2.58. Missing values are 0, as for a camera that is
+/// not calibrated.
 CameraInfo ParseCameraText(const std::string& text) {
   const auto pairs = ParsePairs(text);
   const auto number = [&](const char* key) {
@@ -143,7 +143,7 @@ struct Topic {
   std::string name, type;
 };
 
-/// The topic of images that a compressed one belongs to.
+/// The topic of the images of a compressed topic; "" for others.
 std::string Uncompressed(const std::string& topic) {
   const std::string end = "/compressedDepth";
   const std::size_t at = topic.rfind(end);
@@ -155,7 +155,7 @@ std::string Uncompressed(const std::string& topic) {
 void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
                  const RosReading& reading, RosContent* content) {
   const std::string& name = reading.name;
-  // Never CDR, whose first byte is 0.
+  // This is never CDR, whose first byte is 0.
   std::string unpacked;
   if (IsZstd(message)) {
     unpacked = UnpackZstd(message, kMaxLength, name, reading.budget);
@@ -204,8 +204,8 @@ void CollectRos2(const std::string& topic, const std::string& type, std::string_
 
 namespace {
 
-/// A statement, with the values of its `?`, whose rows `use` takes. Throws DataError, with SQLite's
-/// words.
+/// Runs a statement, with the values of its `?`, and passes its rows to `use`. Throws DataError,
+/// with SQLite's words.
 template <class Use>
 void ForEachRow(sqlite3* database, const char* sql, const std::vector<sqlite3_int64>& values,
                 const std::string& name, Use use) {
@@ -229,8 +229,8 @@ std::string Column(sqlite3_stmt* row, int column) {
   return bytes ? std::string(bytes, static_cast<std::size_t>(size)) : std::string();
 }
 
-/// Limits what a database may cost, and what of it may run: neither a view nor what a column is
-/// made of. The limits hold as long as `budget`.
+/// Limits a database's cost and code: neither views nor computed columns run. The limits apply as
+/// long as `budget` exists.
 void Restrain(sqlite3* database, ReadBudget* budget, const std::string& name) {
   sqlite3_limit(database, SQLITE_LIMIT_LENGTH, kMaxLength);
   sqlite3_db_config(database, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
@@ -249,8 +249,8 @@ void Restrain(sqlite3* database, ReadBudget* budget, const std::string& name) {
       throw DataError(
           fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)", name, table));
     }
-    // A column that is computed: each row may ask for 256 MiB of which the file has nothing.
-    constexpr int kHidden = 6;  // the place of that, and whether, in a row of PRAGMA table_xinfo
+    // A computed column: each row may ask for 256 MiB of which the file has nothing.
+    constexpr int kHidden = 6;  // index of "hidden" in a row of PRAGMA table_xinfo
     ForEachRow(database, fmt::format("PRAGMA table_xinfo({})", table).c_str(), {}, name,
                [&](sqlite3_stmt* row) {
                  if (sqlite3_column_int(row, kHidden) == 0) return;
@@ -261,7 +261,7 @@ void Restrain(sqlite3* database, ReadBudget* budget, const std::string& name) {
   }
 }
 
-/// Whether a file is there whose first bytes are these, or not empty where they are none.
+/// Is there a file that begins with these bytes, or that is not empty if there are none?
 bool HasContent(const std::filesystem::path& path, std::string_view begin) {
   std::ifstream stream(path, std::ios::binary);
   std::string bytes(std::max<std::size_t>(begin.size(), 1), '\0');
@@ -271,7 +271,7 @@ bool HasContent(const std::filesystem::path& path, std::string_view begin) {
 
 using Database = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-/// Of a file without a name (UnpackedFile), which SQLite would not follow.
+/// Opens a file without a name (UnpackedFile), which SQLite would not follow.
 Database OpenInMemory(const std::filesystem::path& path, const std::string& name,
                       ReadBudget* budget) {
   constexpr int kVersionsAt = 18;  // of the file's format: 2 stands for a write-ahead log
@@ -296,10 +296,11 @@ Database OpenInMemory(const std::filesystem::path& path, const std::string& name
   return database;
 }
 
-/// Opens a database and leaves nothing beside it. One that a recorder left with a write-ahead log
-/// is read with it, the log's index in memory: alone (locking_mode EXCLUSIVE), without locks, which
-/// need the right to write (the VFS unix-none), and without moving the log into the database at the
-/// end. Any other is read as what nobody changes (immutable).
+/// Opens a database and leaves nothing beside it. If a recorder left it with a write-ahead log, it
+/// is read with the log, and the log's index is in memory. It is opened alone (locking_mode
+/// EXCLUSIVE) and without locks, which need the right to write (the VFS unix-none). The log is not
+/// moved into the database at the end. Any other database is read as one that nobody changes
+/// (immutable).
 Database Open(const std::filesystem::path& path, const std::string& name, ReadBudget* budget) {
   std::error_code no_link;
   const std::filesystem::path real = std::filesystem::canonical(path, no_link);
@@ -354,8 +355,8 @@ Recording ReadRos2Recording(const std::filesystem::path& path, const std::string
   RosContent content;
   const RosReading reading{name, max_frames, budget};
   for (const auto& [id, topic] : topics) {
-    // Streams of every frame of a long recording are not gone through. What is sorted are numbers:
-    // the messages themselves would be put into a file.
+    // A long recording is not read to its end. Only numbers are sorted, because SQLite would put
+    // the messages themselves into a file.
     std::vector<sqlite3_int64> rows;
     ForEachRow(raw, "SELECT rowid FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT ?",
                {id, max_frames}, name,

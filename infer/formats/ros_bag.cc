@@ -20,7 +20,7 @@ constexpr std::uint32_t kMaxChunk = std::uint32_t{1} << 28;  // bytes, packed or
 constexpr std::uint32_t kMaxHeader = std::uint32_t{1} << 20;
 constexpr std::size_t kMaxConnections = 1000;
 
-// What a record is: its header's field "op".
+// The kind of a record: its header's field "op".
 enum Op : std::uint8_t { kMessage = 2, kBagHeader = 3, kChunk = 5, kConnection = 7 };
 
 using Fields = RosBag::Fields;
@@ -100,7 +100,7 @@ RosBag::RosBag(const std::filesystem::path& path, std::string name, ReadBudget* 
   if (!ReadRecord(&first) || first.op != kBagHeader)
     throw DataError(name_ + ": damaged: no header");
   first_record_ = at_;
-  // 0 where the recorder was killed: connections then stand in the chunks alone.
+  // 0 if the recorder was killed: connections are then in the chunks alone.
   at_ = Field<std::uint64_t>(first.header, "index_pos", name_);
   Record record;
   while (at_ >= first_record_ && at_ < size_ && ReadRecord(&record) && record.op == kConnection)
@@ -125,7 +125,7 @@ bool RosBag::ReadRecord(Record* record) {
     return static_cast<bool>(stream_);
   };
   std::string header;
-  // A recording that was cut off ends in the middle of a record: what is whole still serves.
+  // A recording that was cut off ends in the middle of a record; the whole records still serve.
   if (!block(&header, kMaxHeader) || !block(&record->data, kMaxChunk)) {
     at_ = size_;
     return false;

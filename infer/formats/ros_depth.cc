@@ -53,7 +53,7 @@ std::size_t SharedParts(const std::string& a, const std::string& b) {
   return shared;
 }
 
-/// The value whose topic shares most with `topic`; null where none shares a part.
+/// The value whose topic shares most with `topic`; null if none shares a part.
 template <class T>
 const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& topic) {
   const T* nearest = nullptr;
@@ -67,19 +67,18 @@ const T* Nearest(const std::map<std::string, T>& by_topic, const std::string& to
   return nearest;
 }
 
-/// Whether a topic or a frame is called the colour camera's, or what is registered to it.
+/// Does a topic's or a frame's name mean the colour camera, or images registered to it?
 bool IsColour(const std::string& name) {
   return HasWord(name, {"color", "colour", "rgb", "bgr", "registered"});
 }
 
-/// Whether both stand in one namespace: ROS puts a camera beside its images.
+/// Are both in one namespace? ROS puts a camera beside its images.
 bool AreSiblings(const std::string& a, const std::string& b) {
   return a.substr(0, a.rfind('/')) == b.substr(0, b.rfind('/'));
 }
 
-/// Whether the camera may be that of the stream's images: never the colour camera of images that
-/// are not registered to it. Where both name their frame, it is the same, or both stand side by
-/// side.
+/// May the camera be that of the stream's images? The colour camera is never that of images that
+/// are not registered to it. If both name their frame, it is the same, or both topics are siblings.
 bool MayBeOf(const std::string& topic, const CameraInfo& info, const RosStream& stream) {
   const bool siblings = AreSiblings(topic, stream.stream);
   const bool alike = (IsColour(topic) || IsColour(info.frame)) ==
@@ -90,7 +89,7 @@ bool MayBeOf(const std::string& topic, const CameraInfo& info, const RosStream& 
   return SharedParts(topic, stream.stream) > 1 && (IsColour(topic) || !IsNamedOtherwise(topic));
 }
 
-/// The likeliest of the cameras that may be; the end of content.infos where there is none.
+/// The likeliest of the possible cameras; the end of content.infos if there is none.
 auto CameraOf(const RosContent& content, const RosStream& stream) {
   const Image<float>& image = stream.frames.front().values;
   auto best = content.infos.end();
@@ -108,7 +107,7 @@ auto CameraOf(const RosContent& content, const RosStream& stream) {
   return best;
 }
 
-/// p_to = T p_from, along the transforms; none where they do not join the frames.
+/// p_to = T p_from, along the transforms; none if they do not join the frames.
 std::optional<Pose> Between(const RosTransforms& transforms, const std::string& from,
                             const std::string& to) {
   std::map<std::string, Pose> known = {{from, Pose::Identity()}};  // p_frame = T p_from
@@ -148,7 +147,7 @@ std::optional<ColourCamera> ColourOf(const RosContent& content, const std::strin
   return colour;
 }
 
-/// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513. 0 of what is
+/// A unit that was stored in single precision: 0.001 instead of 0.0010000000474974513. 0 if it is
 /// no number.
 double AsWritten(double unit) { return NumberOf(fmt::format("{:.6g}", unit)).value_or(0); }
 
@@ -186,7 +185,7 @@ void Describe(const RosContent& content, const std::string& name, RosStream* str
   SetIntrinsics(content, name, stream);
   if (const double* unit = Nearest(content.units, stream->stream)) {
     const double written = AsWritten(*unit);
-    // What is no unit is none that is stated, and has to be given.
+    // An impossible unit leaves no scale: the capture has to give it.
     stream->depth_scale.reset();
     if (written > 0) stream->depth_scale = written;
     stream->depth_scale_source = "the recording's option Depth Units";
@@ -202,7 +201,7 @@ void Describe(const RosContent& content, const std::string& name, RosStream* str
   stream->kind = KindOfDevice(stream->device);
 }
 
-/// Millimetres on the Femto sensors; on others the unit is a property of the device.
+/// The unit is millimetres on the Femto sensors, and a property of the device on others.
 void DescribeOrbbec(const RosContent& content, const std::string& name, RecordedDepth* stream) {
   const OrbbecProperties& properties = content.properties;
   if (properties.frames_are_disparity) {
@@ -359,7 +358,7 @@ bool HaveCameras(const RosContent& content) {
 }
 
 Recording DescribeStreams(RosContent content, const std::string& name) {
-  // The recorder of RealSense names frames that say nothing: a stream's path serves.
+  // RealSense's recorder uses names of frames without meaning; the stream's path takes their place.
   const auto rename = [](const std::string& topic, const char* end, std::string* frame) {
     const std::size_t at = topic.find(end);
     if (topic.rfind("/device_", 0) == 0 && at != std::string::npos) *frame = topic.substr(0, at);
@@ -372,7 +371,7 @@ Recording DescribeStreams(RosContent content, const std::string& name) {
   for (const auto& [topic, type] : content.contents)
     recording.contents.push_back(fmt::format("{} ({})", topic, type));
   for (auto& [topic, stream] : content.streams) {
-    // The same images are there as they were before they were compressed.
+    // The uncompressed images are there too.
     if (topic != stream.stream && content.streams.count(stream.stream) > 0) continue;
     rename(topic, "/image/", &stream.frame);
     if (!OrbbecStream(topic).empty()) {

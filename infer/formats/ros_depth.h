@@ -1,6 +1,6 @@
 #pragma once
 
-// Depth images as ROS has them, whatever the form of their messages.
+// Depth images of ROS, whatever the form of their messages.
 
 #include <array>
 #include <cstdint>
@@ -21,26 +21,26 @@ namespace volalign::formats_internal {
 
 /// sensor_msgs/Image.
 struct RosImage {
-  std::string frame;  ///< that its points are in, as transforms name it
+  std::string frame;  ///< frame of its points, by the name in transforms
   std::uint32_t width = 0, height = 0, step = 0;
   std::string encoding;
   bool big_endian = false;
   std::string_view data;
 };
 
-/// Whether an image of that encoding is depth. What a topic's name calls infrared or the like is
-/// none.
+/// Is an image of that encoding depth? An image whose topic's name says infrared or the like is
+/// not.
 bool IsDepth(const std::string& topic, const std::string& encoding);
 
-/// The most bytes of a topic's name, and of a text in a message.
+/// Most bytes of a topic's name, and of a text in a message.
 inline constexpr std::size_t kMostTopicBytes = 1000;
 inline constexpr std::size_t kMostTextBytes = std::size_t{1} << 16;
 
-/// `bytes` as a text; throws DataError, which `name` begins, for one that is longer than `most`.
+/// `bytes` as a text. Throws DataError, which `name` begins, for one that is longer than `most`.
 std::string BoundedText(std::string_view bytes, const std::string& name,
                         std::size_t most = kMostTextBytes);
 
-/// Of the Orbbec SDK's recorder, the numbers of the types of streams (OBStreamType).
+/// Numbers of the types of streams (OBStreamType) in recordings of the Orbbec SDK.
 inline constexpr char kOrbbecColour[] = "2", kOrbbecDepth[] = "3";
 inline constexpr char kOrbbecDevice[] = "/cam/deviceInfo", kOrbbecProperty[] = "/cam/property";
 /// "3" of "/cam/sensor_3/frameType_3" and of "/cam/streamProfileType_3"; "" of other topics.
@@ -50,21 +50,21 @@ std::string OrbbecProfileNumber(const std::string& topic);
 /// Values as stored; throws DataError for too few bytes.
 StoredDepth DecodeImage(const RosImage& image, const std::string& name);
 
-/// sensor_msgs/CameraInfo. `rectified` is the camera of an image that was rectified.
+/// sensor_msgs/CameraInfo. `rectified`: the camera of a rectified image.
 struct CameraInfo {
   Intrinsics raw, rectified;
-  std::string model, frame;  ///< frame: of its points, as transforms name it
+  std::string model, frame;  ///< frame of its points, by the name in transforms
 };
 
-/// Of a recording: a device has some ten, and joining them takes the square.
+/// Most transforms of a recording. A device has some ten, and joining them takes quadratic time.
 inline constexpr std::size_t kMostTransforms = 1000;
 
 /// parent_from_child by the names of both frames: geometry_msgs/TransformStamped.
 using RosTransforms = std::map<std::pair<std::string, std::string>, Pose>;
 
-// The messages have the same fields in ROS 1 and 2, in bytes of different forms. Reader:
-// Header() for a std_msgs/Header, of which it returns the frame's name, Value<T>(), Text(),
-// Bytes().
+// The messages have the same fields in ROS 1 and 2, in bytes of different forms. A Reader has
+// Value<T>(), Text(), Bytes(), and Header(), which reads a std_msgs/Header and returns the frame's
+// name.
 
 template <class Reader>
 RosImage ReadImage(Reader reader) {
@@ -79,7 +79,7 @@ RosImage ReadImage(Reader reader) {
   return image;
 }
 
-/// Throws DataError, which `name` begins, for what is no lens.
+/// Throws DataError, which `name` begins, for an impossible lens.
 template <class Reader>
 CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
   CameraInfo info;
@@ -102,7 +102,7 @@ CameraInfo ReadCameraInfo(Reader reader, const std::string& name) {
   return info;
 }
 
-/// geometry_msgs/Transform; none for what is no rigid motion, which depth does not need.
+/// geometry_msgs/Transform. None if it is no rigid motion, because depth does not need it.
 template <class Reader>
 std::optional<Pose> ReadTransform(Reader* reader) {
   std::array<double, 7> v;  // translation, quaternion x y z w
@@ -114,7 +114,7 @@ std::optional<Pose> ReadTransform(Reader* reader) {
   }
 }
 
-/// The first of each two frames counts; beyond kMostTransforms none does.
+/// Adds the first transform of each two frames, up to kMostTransforms.
 void AddTransform(std::string parent, std::string child, const std::optional<Pose>& pose,
                   RosTransforms* transforms);
 
@@ -129,12 +129,12 @@ void ReadTransforms(Reader reader, const std::string& name, RosTransforms* trans
   }
 }
 
-/// Whether the topic has transforms that hold for the whole recording.
+/// Does the topic have transforms that apply to the whole recording?
 bool IsStaticTransform(const std::string& topic);
 
-/// Of the recorder of RealSense: "/device_0/sensor_1/Color_0/tf/0" says where the reference stream
-/// 0 is in that stream's frame. The transform names the streams by their paths. False for other
-/// topics.
+/// The topic "/device_0/sensor_1/Color_0/tf/0" of RealSense's recorder has the pose of the
+/// reference stream 0 in that stream's frame. The transform names the streams by their paths. False
+/// for other topics.
 bool IsStreamTransform(const std::string& topic);
 void AddStreamTransform(const std::string& topic, const std::optional<Pose>& stream_from_reference,
                         RosTransforms* transforms);
@@ -142,15 +142,15 @@ void AddStreamTransform(const std::string& topic, const std::optional<Pose>& str
 /// custom_msg/StreamProfileInfo of the Orbbec SDK (src/media/ros of OrbbecSDK v2): fixed arrays.
 struct OrbbecProfile {
   Intrinsics intrinsics;
-  std::string lens;  ///< why `intrinsics` has no lens that can be used; else empty
-  /// The depth stream's: where it is in the colour camera's frame.
+  std::string lens;  ///< why the lens of `intrinsics` cannot be used; else empty
+  /// For the depth stream: its pose in the colour camera's frame.
   std::optional<Pose> colour_from_stream;
 };
 
-/// Of the device's settings that the Orbbec SDK records, those that say what a depth image has.
+/// The device's settings in recordings of the Orbbec SDK that affect depth images.
 struct OrbbecProperties {
   std::optional<double> unit;         ///< metres
-  bool frames_are_disparity = false;  ///< left to the SDK to be made depth, on playback
+  bool frames_are_disparity = false;  ///< the SDK makes them depth on playback
 };
 
 /// The images of a topic.
@@ -158,7 +158,7 @@ struct RosStream : RecordedDepth {
   std::string frame;  ///< of the first one
 };
 
-/// What of a recording matters, as it is read.
+/// The relevant content of a recording, as it is read.
 struct RosContent {
   std::map<std::string, RosStream> streams;  // by topic
   std::map<std::string, CameraInfo> infos;
@@ -170,19 +170,19 @@ struct RosContent {
   std::map<std::string, std::string> contents;  // types by topic
 };
 
-/// Of what a device says of itself in pairs: its name and its serial number, no other key.
+/// Adds a pair of a device's description if it is its name or its serial number.
 void AddDevicePair(const std::string& key, const std::string& value,
                    std::map<std::string, std::string>* device);
 
-/// What is read of a recording, for all of its messages.
+/// The constants of reading one recording.
 struct RosReading {
   const std::string& name;  ///< begins every message
   int max_frames = 1;
   ReadBudget* budget;
 };
 
-/// Adds what `decode` gives, unless the topic's stream has all its frames or cannot be read. True
-/// where this was the last one. Throws DataError.
+/// Adds the frame that `decode` returns, unless the topic's stream has all its frames or cannot be
+/// read. True if this was the last one. Throws DataError.
 template <class Decode>
 bool AddFrame(const RosReading& reading, const std::string& frame, const Decode& decode,
               RosStream* stream) {
@@ -194,30 +194,30 @@ bool AddFrame(const RosReading& reading, const std::string& frame, const Decode&
   return stream->frames.size() == most;
 }
 
-/// Whether it is "/device_0/sensor_0/Depth_0/camera_info", of the recorder of RealSense 2.58.
+/// Is it "/device_0/sensor_0/Depth_0/camera_info", of the recorder of RealSense 2.58?
 bool IsStreamCamera(const std::string& topic);
 
-/// Whether it is "/device_0/info", of the recorder of RealSense.
+/// Is it "/device_0/info", of the recorder of RealSense?
 bool IsDeviceInfo(const std::string& topic);
 
-/// Whether the topic has the option Depth Units of the recorder of RealSense.
+/// Does the topic have the option Depth Units of the recorder of RealSense?
 bool IsDepthUnits(const std::string& topic);
 
-/// The streams, each with what is said of it by the topics that share most of its path. `name`
-/// begins every message; throws DataError.
+/// Completes each stream by the topics that share most of its path. `name` begins every message.
+/// Throws DataError.
 Recording DescribeStreams(RosContent content, const std::string& name);
 
-/// Takes what matters of a message of ROS 1; says whether it has brought the last frame of a
-/// stream, or a camera, a device or a transform that was not there. Throws DataError.
+/// Adds the relevant content of a message of ROS 1. True if it has brought the last frame of a
+/// stream, or a new camera, device or transform. Throws DataError.
 bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
                  const RosReading& reading, RosContent* content);
-/// The same of a message of ROS 2 (CDR), plain or packed by zstd.
+/// The same for a message of ROS 2 (CDR), plain or packed by zstd.
 void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
                  const RosReading& reading, RosContent* content);
 
-/// Whether every stream has all its frames, or cannot be read.
+/// Does every stream have all its frames, or cannot be read?
 bool HasAllFrames(const RosContent& content, int max_frames);
-/// Whether the camera of every stream that can be read was seen.
+/// Was the camera of every stream that can be read found?
 bool HaveCameras(const RosContent& content);
 
 }  // namespace volalign::formats_internal

@@ -6,8 +6,8 @@
 
 namespace volalign::formats_internal {
 
-/// Goes through a text once, from left to right: no call looks back, or calls itself, whatever the
-/// text. A call that does not find what it takes says so and takes nothing.
+/// Scans a text once, from left to right, without looking back or recursion. A call that does not
+/// find its text reports that and takes nothing.
 class TextScanner {
  public:
   explicit TextScanner(std::string_view text) : text_(text) {}
@@ -17,25 +17,25 @@ class TextScanner {
     at_ += word.size();
     return true;
   }
-  /// One of `letters`; 0 where none of them is next.
+  /// Takes one of `letters`; 0 if none of them is next.
   char TakeOneOf(std::string_view letters) {
     if (at_ == text_.size() || letters.find(text_[at_]) == std::string_view::npos) return 0;
     return text_[at_++];
   }
-  /// Says whether there was one.
+  /// True if there was one.
   bool SkipBlanks() { return !TakeWhile(kBlanks, text_.size()).empty(); }
-  /// What stands before the next blank.
+  /// Takes the text before the next blank.
   std::string_view TakeWord() {
     const std::string_view word = rest().substr(0, rest().find_first_of(kBlanks));
     at_ += word.size();
     return word;
   }
-  /// At most `most` digits, as a number below 10^most; -1 where there is none.
+  /// Takes at most `most` digits, as a number below 10^most; -1 if there is none.
   int TakeNumber(std::size_t most) {
     const std::string digits(TakeWhile("0123456789", most));
     return digits.empty() ? -1 : std::stoi(digits);
   }
-  /// What stands before the next `end`, which is taken too.
+  /// Takes the text before the next `end`, and `end` too.
   bool TakeUntil(char end, std::string_view* taken) {
     const std::size_t found = text_.find(end, at_);
     if (found == std::string_view::npos) return false;

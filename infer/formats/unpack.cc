@@ -19,8 +19,8 @@ namespace {
 
 constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";
 
-/// Unpacks what `next` gives, until it gives nothing, and has `use` take it piece by piece until
-/// that returns false. False where the end of it is missing or damaged.
+/// Unpacks the pieces of `next` until it gives none, and passes them to `use` until that returns
+/// false. False if the end is missing or damaged.
 template <class Next, class Use>
 bool StreamZstd(const Next& next, const Use& use) {
   const std::unique_ptr<ZSTD_DStream, std::size_t (*)(ZSTD_DStream*)> stream(ZSTD_createDStream(),

@@ -9,20 +9,20 @@
 
 namespace volalign::formats_internal {
 
-/// An lz4 frame of `size` bytes, unpacked. Throws DataError.
+/// Unpacks an lz4 frame of `size` bytes. Throws DataError.
 std::string UnpackLz4(std::string_view packed, std::size_t size, const std::string& name);
 
-/// Whether the bytes begin as zstd does.
+/// Do the bytes begin as those of zstd?
 bool IsZstd(std::string_view bytes);
 
-/// What zstd packed, counted by `budget`. Throws DataError, also for more than `most` bytes.
+/// Unpacks bytes of zstd, counted by `budget`. Throws DataError, also for more than `most` bytes.
 std::string UnpackZstd(std::string_view packed, std::size_t most, const std::string& name,
                        ReadBudget* budget);
 
-/// At most `count` bytes of the front of a file that zstd packed; fewer where it is damaged.
+/// Unpacks at most `count` bytes of the front of a file of zstd; fewer if it is damaged.
 std::string FrontOfZstd(const std::filesystem::path& path, std::size_t count);
 
-/// A whole file that zstd packed, unpacked into memory, as a file without a name.
+/// A whole file of zstd, unpacked into memory as a file without a name.
 class UnpackedFile {
  public:
   /// Throws IoError, or DataError, which `name` begins.
@@ -31,7 +31,7 @@ class UnpackedFile {
   UnpackedFile(const UnpackedFile&) = delete;
   UnpackedFile& operator=(const UnpackedFile&) = delete;
 
-  std::filesystem::path path() const;  ///< by which it can be opened as long as this lives
+  std::filesystem::path path() const;  ///< opens it as long as this object exists
 
  private:
   int descriptor_;

@@ -29,14 +29,13 @@ struct SuggestedStack {
 
 /// Suggests a tower of these boxes, the larger ones below, that fixes poses well and looks like
 /// itself from one way only. Towers that bear the tilt are drawn at random: the upright edge of a
-/// box, its turn on the one below, and overhangs in whole cm.
-///
-/// MeasureTarget compares them by four numbers. The first is the number of views that another pose
-/// shares though the floor is seen. Then come the views that fix no pose, and those that another
-/// pose shares without the floor. The last is the standard deviation in the worst view. Equal calls
-/// give equal stacks. The origin is above the middle of the lowest box, half as high as the stack.
-/// `count` is called with the number of towers done. Throws DataError if the boxes are higher than
-/// `height_m` even if all lie flat, are more than kMaxBoxes, or if no tower bears the tilt.
+/// box, its turn on the one below, and overhangs in whole cm. MeasureTarget compares them by four
+/// numbers. The first is the number of views that another pose shares though the floor is seen.
+/// Then come the views that fix no pose, and those that another pose shares without the floor. The
+/// last is the standard deviation in the worst view. Equal calls give equal stacks. The origin is
+/// above the middle of the lowest box, half as high as the stack. `count` is called with the number
+/// of towers done. Throws DataError if the boxes are higher than `height_m` even if all lie flat,
+/// are more than kMaxBoxes, or if no tower bears the tilt.
 SuggestedStack SuggestStack(const std::string& name, const std::vector<Eigen::Vector3d>& sizes,
                             const SuggestOptions& options = {}, const CountDone& count = nullptr);
 

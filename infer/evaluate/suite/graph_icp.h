@@ -50,11 +50,10 @@ struct GraphFrame {
 /// Alignment" (section Results, after its references). It is iterated closest points with a
 /// point-to-plane error over a graph. Nodes are the views and the structure's model, which is
 /// fixed. Edges join each view with the model and with each view that overlaps it. All poses move
-/// together.
-///
-/// The paper leaves some choices open. Here correspondences are nearest points with normals alike,
-/// all of weight one, within a distance that shrinks from round to round. A view's points are those
-/// near the model at its initial pose, without the floor. Returns the refined poses.
+/// together. The paper leaves some choices open. Here correspondences are nearest points with
+/// normals alike, all of weight one, within a distance that shrinks from round to round. A view's
+/// points are those near the model at its initial pose, without the floor. Returns the refined
+/// poses.
 std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphFrame>& views,
                               const GraphIcpOptions& options = {});
 

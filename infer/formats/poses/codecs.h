@@ -1,7 +1,7 @@
 #pragma once
 
-// The formats, one pair of functions each, texts in memory. Readers throw DataError with `name`,
-// the file's, in the message. Not for callers of ReadPoses and WritePoses.
+// The formats: one pair of functions each, for texts in memory. Readers throw DataError with the
+// file's `name` in the message. Not for callers of ReadPoses and WritePoses.
 
 #include <functional>
 #include <map>
@@ -14,31 +14,31 @@ namespace volalign::poses_internal {
 
 using Poses = std::vector<SensorPose>;
 
-/// In which frame the poses of a file are, of which camera. The codecs change neither: they write
-/// poses as they are given, and say in the file what these two say.
+/// The frame of a file's poses, and their camera. The codecs change neither: they write poses as
+/// given, and name both in the file.
 struct FileFrame {
   std::string world = "y up, right-handed";
   std::string name = "structure";  ///< of the world, in one word
   bool colour = false;             ///< poses of the colour cameras
 };
 
-/// Throws DataError, with the place, for a word that is no finite number.
+/// Parses a number. Throws DataError, with the place, for a word that is no finite number.
 double ParseNumber(const std::string& word, const std::string& place);
 
 inline constexpr char kDepthConvention[] =
     "true depth = depth_gain * measured depth + depth_offset_m, and the poses belong to true "
     "depths";
 
-/// Comments that say this, with a line for each sensor whose depths are corrected; else "".
+/// Comments with this convention and a line for each sensor whose depths are corrected; else "".
 std::string DepthComments(const Poses& poses);
-/// What DepthComments wrote into `text`, by the sensors' names. Throws DataError for a word that is
-/// no number.
+/// Reads the corrections that DepthComments wrote into `text`, by the sensors' names. Throws
+/// DataError for a word that is no number.
 void ReadDepthComments(const std::string& text, const std::string& name, Poses* poses);
 
-/// Of the files of a folder, by name.
+/// The texts of a folder's files, by name.
 using Files = std::map<std::string, std::string>;
 
-/// The width or height of a picture, of a format whose numbers are all read alike. Throws
+/// The width or height of a picture, in a format whose numbers are all read alike. Throws
 /// DataError, with `place` in its message, for anything but a whole number from 1 on.
 int PixelCount(double value, const std::string& place);
 
@@ -66,19 +66,19 @@ Poses ReadOpencv(const std::string& text, const std::string& name);
 std::string WriteRos(const Poses& poses, const FileFrame& frame);
 Poses ReadRos(const std::string& text, const std::string& name);
 
-/// Its world has z up, as that of ros.
+/// Its world has z up, as in ros.
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
 
 std::string WriteCwipc(const Poses& poses, const FileFrame& frame);
 Poses ReadCwipc(const std::string& text, const std::string& name);
 
-/// Where LiveScan3D's camera, whose points it transforms, is to the sensor of that name:
-/// p_camera = T p_sensor.
+/// Pose of LiveScan3D's camera, whose points it transforms, to the sensor of that name: p_camera =
+/// T p_sensor.
 using CameraFromSensor = std::function<Pose(const std::string& name)>;
 Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor);
 Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor);
-/// Whether it is one of its files, by its name.
+/// Is it one of its files, by its name?
 bool IsLivescanFile(const std::string& file);
 
 Files WriteColmap(const Poses& poses, const FileFrame& frame);

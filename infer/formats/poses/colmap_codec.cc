@@ -14,14 +14,14 @@ namespace volalign::poses_internal {
 
 namespace {
 
-/// COLMAP's pixel centres lie at .5, ours at integer coordinates.
+/// COLMAP's pixel centres are at .5, ours at integer coordinates.
 constexpr double kPixelCentre = 0.5;
 
 std::string CameraLine(std::size_t id, const Intrinsics& k) {
   std::vector<double> parameters = {k.fx, k.fy, k.cx + kPixelCentre, k.cy + kPixelCentre};
   const char* model = "PINHOLE";
   if (!k.distortion.empty()) {
-    // Both have OpenCV's order; the full model wants all eight.
+    // Both have OpenCV's order; the full model needs all eight.
     model = k.distortion.size() == 4 ? "OPENCV" : "FULL_OPENCV";
     std::vector<double> lens = k.distortion;
     lens.resize(lens.size() == 4 ? 4 : 8);
@@ -30,7 +30,7 @@ std::string CameraLine(std::size_t id, const Intrinsics& k) {
   return fmt::format("{} {} {} {} {}\n", id, model, k.width, k.height, fmt::join(parameters, " "));
 }
 
-/// Words of the lines that hold something.
+/// The words of the lines that are not empty.
 std::vector<std::vector<std::string>> Table(const std::string& text) {
   std::vector<std::vector<std::string>> table;
   std::istringstream stream(text);
@@ -101,7 +101,7 @@ Poses ReadColmap(const Files& files) {
     if (words.size() > 4) cameras[words[0]] = CameraOf(words);
   }
   Poses poses;
-  // Of the two lines of an image the second may be empty.
+  // The second of the two lines of an image may be empty.
   const auto table = Table(FileOf(files, "images.txt"));
   for (std::size_t l = 0; l < table.size(); l += 2) {
     const std::vector<std::string>& words = table[l];

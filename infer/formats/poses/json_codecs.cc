@@ -43,13 +43,13 @@ void AddDepth(const SensorPose& pose, ordered_json* json) {
   (*json)["depth_offset_m"] = pose.depth_offset_m;
 }
 
-/// Files of earlier versions and other programs have none.
+/// Files of earlier versions and other programs have no corrections.
 void ReadDepth(const JsonObject& object, SensorPose* pose) {
   if (object.Has("depth_gain")) pose->depth_gain = object.Number("depth_gain");
   if (object.Has("depth_offset_m")) pose->depth_offset_m = object.Number("depth_offset_m");
 }
 
-/// The convention of a file in which the world is `world`.
+/// The convention of a file with the world frame `world`.
 std::string Convention(const char* poses, const std::string& world) {
   return fmt::format("{}; {}", fmt::format(fmt::runtime(poses), world), kDepthConvention);
 }
@@ -125,7 +125,7 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
   return poses;
 }
 
-// Open3D looks for the keys that it knows, so that the names and the convention may stand beside.
+// Open3D reads only the keys that it knows, so names and the convention may be beside them.
 std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
   ordered_json parameters = ordered_json::array(), names = ordered_json::array();
   ordered_json gains = ordered_json::array(), offsets_m = ordered_json::array();
@@ -227,8 +227,8 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
   return poses;
 }
 
-// cwipc (github.com/cwi-dis/cwipc): a camera has a serial number, a type and `trafo`; keys that it
-// does not know are passed over.
+// cwipc (github.com/cwi-dis/cwipc): a camera has a serial number, a type and `trafo`; it skips keys
+// that it does not know.
 std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
   ordered_json cameras = ordered_json::array();
   for (const SensorPose& pose : poses) {

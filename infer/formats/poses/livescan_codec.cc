@@ -1,7 +1,7 @@
-// LiveScan3D's calibration_SERIAL.txt, by its own reader and what it does with the numbers
+// LiveScan3D's calibration_SERIAL.txt, by its own reader and its use of the numbers
 // (github.com/MarekKowalski/LiveScan3D, src/LiveScanClient: LoadCalibration in calibration.cpp,
-// StoreFrame in liveScanClient.cpp): T, the rows of R, the number of a marker, whether the sensor
-// is calibrated. A point of the camera, in metres, goes to R (p + T).
+// StoreFrame in liveScanClient.cpp). It has T, the rows of R, the number of a marker, and whether
+// the sensor is calibrated. A point of the camera, in metres, goes to R (p + T).
 
 #include <fmt/format.h>
 
@@ -43,9 +43,8 @@ Pose WorldFromCamera(const std::string& text, const std::string& file) {
         "understood; only that of a vector and a 3x3 matrix is read",
         file));
   }
-  // As LiveScan3D reads it, a number ends where no longer one can be made of it. It writes the
-  // matrix without blanks, and gets it back because each number but 1 begins with a zero that the
-  // one before may take.
+  // LiveScan3D reads the longest possible number each time. It writes the matrix without blanks,
+  // and can read it because each number but 1 begins with a zero that the one before may take.
   std::istringstream stream(text);
   stream.imbue(std::locale::classic());  // whatever the process's
   std::array<double, 12> v{};

@@ -9,11 +9,11 @@
 
 namespace volalign {
 
-/// What other programs want of a calibration.
+/// A sensor's pose for other programs.
 struct SensorPose {
   std::string name;
   Pose structure_from_sensor = Pose::Identity();
-  std::optional<Intrinsics> intrinsics;  ///< that the pose belongs to, where they are known
+  std::optional<Intrinsics> intrinsics;  ///< to which the pose belongs, if known
   std::optional<ColourCamera> colour;
   std::string serial;  ///< of the device; may be empty
   /// True depth = depth_gain * measured depth + depth_offset_m; the pose belongs to true depths.
@@ -22,7 +22,7 @@ struct SensorPose {
   bool corrects_depth() const { return depth_gain != 1 || depth_offset_m != 0; }
 };
 
-// The frames in which other programs have poses: p_other = ... * p_ours.
+// Frames of other programs: p_other = ... * p_ours.
 
 /// A world with z up instead of y: (x, y, z) -> (x, -z, y).
 Eigen::Matrix3d ZUpFromYUp();
@@ -33,8 +33,8 @@ Eigen::Matrix3d UnityCameraFromSensor();
 /// The camera space of the Kinect for Windows SDK 2.0: x left, y up, z forward.
 Eigen::Matrix3d KinectV2FromSensor();
 
-/// A rotation of the pose that a quaternion or a matrix of limited precision gives; throws
-/// DataError, with `what` in its message, where it is farther than 1e-3 from one.
+/// A pose from a rotation of limited precision. Throws DataError, with `what` in its message, if
+/// the matrix is farther than 1e-3 from a rotation.
 Pose PoseFromRotation(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation,
                       const std::string& what);
 /// The same from a quaternion of about unit length, w first.

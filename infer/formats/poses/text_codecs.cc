@@ -35,7 +35,7 @@ std::vector<Line> LinesOf(const std::string& text) {
   return lines;
 }
 
-/// The numbers of a line, which has to have `count` of them and nothing else.
+/// The numbers of a line, which must have exactly `count` of them.
 std::vector<double> Numbers(const Line& line, std::size_t count, const std::string& name) {
   std::istringstream stream(line.text);
   std::vector<double> numbers;
@@ -48,7 +48,7 @@ std::vector<double> Numbers(const Line& line, std::size_t count, const std::stri
   return numbers;
 }
 
-/// "# sensor I NAME", by which formats without names carry them; the comments stand first.
+/// "# sensor I NAME", the name in formats without names; these comments come first.
 std::string NameLine(std::size_t i, const std::string& name) {
   return fmt::format("# sensor {} {}\n", i, name);
 }

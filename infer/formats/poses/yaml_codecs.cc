@@ -18,7 +18,7 @@ namespace {
 constexpr char kDepthFrame[] = "_depth_optical_frame";
 constexpr char kColourFrame[] = "_color_optical_frame";
 
-/// A number that YAML's readers, OpenCV's among them, take for a real one.
+/// A number that YAML's readers, OpenCV's among them, read as a real one.
 std::string Real(double value) {
   std::string text = fmt::format("{}", value);
   if (text.find_first_of(".en") == std::string::npos) text += ".0";
@@ -44,7 +44,7 @@ std::string OpencvMatrix(const std::string& key, const Eigen::MatrixXd& matrix) 
 /// A text in double quotes, as JSON and YAML both have it.
 std::string Quoted(const std::string& text) { return nlohmann::json(text).dump(); }
 
-/// Runs `read`, whose errors of yaml-cpp become DataErrors in one line.
+/// Runs `read`; errors of yaml-cpp become DataErrors in one line.
 template <class Read>
 Poses Reading(const std::string& name, Read read) {
   try {
@@ -120,7 +120,7 @@ std::string RosCommand(const std::string& parent, const std::string& child, cons
 
 }  // namespace
 
-// FileStorage wants its directive and three dashes first, then keys.
+// FileStorage needs its directive and three dashes first, then keys.
 std::string WriteOpencv(const Poses& poses, const FileFrame& frame) {
   std::string text =
       "%YAML:1.0\n---\n"
