@@ -27,7 +27,7 @@ std::string Suggestion(const std::string& word, const std::vector<std::string>& 
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
 }
 
-/// Where an argument may belong that stands by itself: behind the first option that is missing.
+/// Suggests the first missing option for an argument that stands by itself.
 std::string Place(const CLI::App* app, const std::string& argument) {
   for (const CLI::Option* option : app->get_options(kAllOptions)) {
     if (!option->get_required() || option->count() > 0 || option->get_lnames().empty()) continue;

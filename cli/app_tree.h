@@ -8,8 +8,8 @@
 
 namespace volalign {
 
-// What the parser's own tables say about the program. "path" is the sub-commands' names with spaces
-// between: "structure build"; "" is the program.
+// The program as the parser's own tables describe it. `path`: the sub-commands' names with spaces
+// between, "structure build"; "" is the program.
 
 /// Calls `use` for the app and everything below it, parents first.
 void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::string& path)>& use,
@@ -18,26 +18,26 @@ void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::st
 /// The names of the sub-commands below an app.
 std::vector<std::string> CommandNames(const CLI::App* app);
 
-/// Long names of its options, with their dashes.
+/// The long names of its options, with their dashes.
 std::vector<std::string> OptionNames(const CLI::App* app);
 
-/// The words that an option may have as its value; empty where it may have any.
+/// The words that an option may have as its value; empty if it may have any.
 std::vector<std::string> Choices(const CLI::Option* option);
 
-/// What an option takes beside its type, in words: "1 to 100", "above 0"; "" where it says nothing.
+/// The limits of an option's value, in words: "1 to 100", "above 0"; "" without any.
 std::string Limits(const CLI::Option* option);
 
-/// Help in which types, limits and defaults are words, not CLI11's names of its checks.
+/// A help with types, limits and defaults in words, not CLI11's names of its checks.
 std::shared_ptr<CLI::FormatterBase> HelpFormatter();
 
 /// Gives every sub-command an example at the end of its help (those of cli/examples.cc).
 void AddExamples(CLI::App* program);
 
 /// A sentence about the first argument that should be a sub-command and is none, with the nearest
-/// that there is; "" where there is no such argument.
+/// name; "" if there is no such argument.
 std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments);
 
-/// The same of options that a sub-command does not have, for the arguments that its parser left.
+/// The same for options that a sub-command does not have, among the arguments that its parser left.
 std::string UnknownOption(CLI::App* program);
 
 /// Markdown of every sub-command: its options and its example.

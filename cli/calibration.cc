@@ -40,9 +40,9 @@ CalibrateOptions Resolve(const CalibrationRequest& request) {
 
 constexpr char kWriting[] = "writing poses, pictures, clouds and the report";
 
-/// How much of a calibration's time has gone by when a stage begins, with a network and without:
-/// means over rigs of 4 to 8 sensors, in which the time so far foretold the whole to a factor of
-/// about two. 0 where too little has gone by to say.
+/// Share of a calibration's time that is over when a stage begins, with a network and without. They
+/// are means over rigs of 4 to 8 sensors and predict the whole time to a factor of about two. 0 if
+/// too little is over.
 double ShareDone(const std::string& stage, bool network) {
   if (stage == "each sensor by itself") return network ? 0.46 : 0.22;
   if (stage == "all sensors together") return network ? 0.59 : 0.41;
@@ -55,7 +55,7 @@ struct Labeller {
   std::string choice;                         ///< which one and why, for a person
 };
 
-/// That of --model. Throws ConfigError where there is no structure either.
+/// The network of --model. Throws ConfigError if there is no structure either.
 Labeller ChooseLabeller(const std::string& model, const Structure* structure,
                         const CalibrateOptions& config) {
   constexpr char kGeometry[] = "model: none, poses come from the structure's shape";
@@ -78,7 +78,7 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
                     kShippedModel));
   }
   Labeller labeller{load(kShippedModel, nullptr), ""};
-  // It has learnt what this very structure looks like, not others that have its labels.
+  // It has learnt this structure alone, not others with its labels.
   if (structure && structure->Hash() != labeller.network->structure().Hash()) {
     return {nullptr,
             fmt::format("{} (the shipped model does not know {})", kGeometry, structure->name())};
@@ -92,8 +92,8 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
   return labeller;
 }
 
-/// --structure, else the captures'; none: the model's own serves. Throws ConfigError where captures
-/// name different ones.
+/// --structure, else the captures' structure; none: the model's own serves. Throws ConfigError if
+/// captures name different ones.
 std::optional<Structure> GivenStructure(const CalibrationRequest& request,
                                         const std::vector<Capture>& captures) {
   if (!request.structure.empty()) return ReadStructure(request.structure);
@@ -111,7 +111,7 @@ std::optional<Structure> GivenStructure(const CalibrationRequest& request,
   return structure;
 }
 
-/// For the report, with this run's files; NEW.json stands for a capture that is still to be taken.
+/// Next commands for the report, with this run's files. NEW.json stands for a later capture.
 std::vector<std::string> NextCommands(const CalibrationRequest& request) {
   const auto in_output = [&](const char* name) {
     return ShellWord((std::filesystem::path(request.output) / name).string());
@@ -200,7 +200,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   WarnOf(out.structure);
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
-  // Before the work: whether one can write there.
+  // This comes before the work, because it fails if nobody can write there.
   std::optional<ResultFolder> folder;
   if (!request.output.empty()) {
     folder.emplace(request.output);

@@ -15,19 +15,19 @@
 
 namespace volalign {
 
-/// What the sub-commands that calibrate a capture have in common.
+/// The common options of the sub-commands that calibrate a capture.
 struct CalibrationRequest {
   std::vector<std::string> captures;
   std::string model = "shipped", output, config, structure, initial, estimate, note;
   std::vector<std::string> assignments, choose;
   bool no_report = false;
   TableOutput table;
-  /// Of an earlier calibration, with which this one is compared: a model's own structure may not
-  /// stand in for another one.
+  /// The structure of an earlier calibration for comparison; a model's own structure may not stand
+  /// in for another one.
   std::optional<Extrinsics::StructureId> last_structure;
 };
 
-/// All options but --output and --capture, whose meaning is the sub-command's.
+/// Adds all options but --output and --capture, which the sub-commands define.
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request);
 
 struct Calibration {
@@ -39,15 +39,15 @@ struct Calibration {
   bool replaced = false;  ///< the folder had a result already
 };
 
-/// What the report says of how it was made, and what else the caller finds in the result.
+/// Completes the report of how the result was made, or uses the result.
 using CompleteReport = std::function<void(const Calibration& calibration, ReportRun* report)>;
 
-/// Reads, calibrates, says which model it takes and why, and writes the folder `request.output`
-/// where that is not empty. `complete` is called before anything is written, with what the report
-/// will have. Throws what these throw.
+/// Reads, calibrates, says which model it uses and why, and writes the folder `request.output`
+/// unless that is empty. `complete` is called before anything is written, with the report's
+/// content. Throws what these throw.
 Calibration RunCalibration(const CalibrationRequest& request, const CompleteReport& complete = {});
 
-/// A line on what RunCalibration wrote.
+/// A line on the files that RunCalibration wrote.
 std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration);
 
 }  // namespace volalign

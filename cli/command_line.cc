@@ -35,7 +35,7 @@ const CLI::App* Called(const CLI::App* app) {
   return app;
 }
 
-/// "  name: value", from the arguments or the default; "" of an option with neither.
+/// "  name: value", from the arguments or the default; "" for an option with neither.
 std::string OptionLine(const CLI::Option* option) {
   const std::string name =
       option->get_lnames().empty() ? option->get_name() : option->get_lnames().front();

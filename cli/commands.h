@@ -5,8 +5,8 @@
 
 namespace volalign {
 
-/// A sub-command: what the parser fills in, and what runs when it was named. `run` returns the exit
-/// status and throws volalign::Error for everything that `main` should print.
+/// A sub-command: the app that the parser fills in, and the function that runs. `run` returns the
+/// exit status and throws volalign::Error for everything that `main` should print.
 struct Command {
   CLI::App* app = nullptr;
   std::function<int()> run;
@@ -21,7 +21,7 @@ Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
 Command AddCompletionCommand(CLI::App& program);
 Command AddDoctorCommand(CLI::App& program);
-/// For --version: program and commit, libraries, the renderer that `auto` takes here.
+/// The text of --version: program and commit, libraries, the renderer that `auto` takes here.
 std::string VersionText();
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);

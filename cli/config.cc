@@ -45,7 +45,7 @@ int PrintKeys() {
   return 0;
 }
 
-/// A kind of file that `config show` resolves. `marks`: beginnings of keys that it alone has.
+/// A kind of file that `config show` resolves. `marks`: beginnings of keys that only it has.
 struct Kind {
   std::string name;
   std::vector<std::string> marks;

@@ -23,7 +23,7 @@ struct ConvertOptions {
   WorldChoice world;
 };
 
-/// All words but that of our own extrinsics.json.
+/// All words but that of volalign's own extrinsics.json.
 std::string OtherFormats() {
   std::vector<std::string> words = WordsOfAll<PoseFormat>();
   words.erase(std::find(words.begin(), words.end(), ToString(PoseFormat::kVolalign)));

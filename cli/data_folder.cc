@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-/// Where docs/NAME is: "" for the working folder, else beside the data or its documents.
+/// The folder of docs/NAME: "" for the working folder, else beside the data or its documents.
 std::optional<fs::path> FolderOf(const fs::path& page) {
   for (const fs::path& folder :
        {fs::path(), fs::path(DataFolder()), fs::path(DataFolder()) / "../doc/volalign"}) {

@@ -4,17 +4,18 @@
 
 namespace volalign {
 
-/// The folder that has configs and models: `given` (--data-dir; throws IoError where it has none),
-/// else the environment's VOLALIGN_DATA_DIR, else what stands beside the program: the source tree
-/// that it was built in, or ../share/volalign where it was installed. "" where none is found.
+/// The folder with configs and models: `given` (--data-dir; throws IoError if they are not there),
+/// else the environment's VOLALIGN_DATA_DIR, else the folder beside the program. That is the source
+/// tree in which it was built, or ../share/volalign of an installed program. "" if none is found.
 std::string FindDataFolder(const std::string& given);
 
-/// A message in which the name of a page, as docs/formats.md, is its path, where it is found:
-/// beside the data folder's configs, or in share/doc/volalign of an installed program.
+/// The message with the path of a page in place of its name, such as docs/formats.md, if it is
+/// found. It may be beside the data folder's configs, or in share/doc/volalign of an installed
+/// program.
 std::string WithPages(const std::string& message);
 
-/// What to add to a message about a file that is not there: how to name the data folder, where none
-/// was found and the message is about something in it; else "".
+/// An addition to a message about a missing file of the data folder, if no data folder was found:
+/// how to name it. Else "".
 std::string DataFolderHint(const std::string& message);
 
 }  // namespace volalign

@@ -1,4 +1,4 @@
-// What this program runs on, and whether everything that it needs is there.
+// The program's environment, and whether everything that it needs is there.
 
 #include <ATen/Context.h>
 #include <ATen/Parallel.h>
@@ -33,7 +33,7 @@ namespace volalign {
 
 namespace {
 
-/// What was found, and how much of it is in the way.
+/// The findings, and how much of them is in the way.
 class Findings {
  public:
   void Say(const std::string& what, const std::string& text) {

@@ -107,7 +107,7 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
                   "EGL device; the first that works, or software, without it");
   AddSuiteOptions(app, options);
   options->table.AddOptions(app);
-  // It writes all of its tables into suite.json.
+  // A suite writes all of its tables into suite.json.
   for (const char* format : {"--json", "--csv"}) app->get_option(format)->excludes("--suite");
   app->add_option("-o,--output", options->output,
                   "folder for evaluation.json, or for the suite's tables; what a killed run left "
@@ -124,7 +124,8 @@ EvaluateRun RunOf(const EvaluateOptions& options, ProgressLine* line) {
   return run;
 }
 
-/// The resolved options beside the result: those of calibration, without --compare, and each rig.
+/// Writes the resolved options beside the result: those of calibration, without --compare, and each
+/// rig.
 void SaveOptions(const ResultFolder& folder, const ConfigSource& source,
                  const std::vector<NamedRig>& rigs) {
   const std::filesystem::path& draft = folder.draft();
@@ -134,7 +135,7 @@ void SaveOptions(const ResultFolder& folder, const ConfigSource& source,
   folder.Publish("options.yaml", {"command.yaml"});
 }
 
-/// Whether all models of the suite are there; says which are not. Throws IoError where none is.
+/// Are all models of the suite there? Names the missing ones. Throws IoError if none is there.
 bool HasItsModels(const SuiteConfig& suite) {
   std::vector<std::string> missing;
   bool any = false;
@@ -152,7 +153,7 @@ bool HasItsModels(const SuiteConfig& suite) {
   return false;
 }
 
-/// The exit status: 2 where rows stay empty.
+/// Returns the exit status: 2 if rows stay empty.
 int RunPaperSuite(const EvaluateOptions& options) {
   const SuiteConfig suite = SelectTables(ReadSuite(options.suite_config), options.suite);
   const bool complete = HasItsModels(suite);

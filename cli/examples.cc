@@ -1,6 +1,5 @@
-// The example at the end of each sub-command's help. Each works as it stands, in any folder: what
-// its last line needs, the lines before it make, or the data folder has. tests/cli/command_line.py
-// runs them all.
+// The example at the end of each sub-command's help. Each works in any folder: the lines before the
+// last one make its input, or the data folder has it. tests/cli/command_line.py runs them all.
 
 #include <map>
 

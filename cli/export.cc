@@ -28,7 +28,7 @@ struct Format {
 const Format kFormats[] = {{"torchscript", ".ts", ExportTorchScript},
                            {"onnx", ".onnx", ExportOnnx}};
 
-/// Throws ConfigError where the output's ending is not the format's.
+/// The format of `word`. Throws ConfigError if the output's ending is not the format's.
 const Format& FormatOf(const std::string& word, const std::string& output) {
   const Format& format = *std::find_if(std::begin(kFormats), std::end(kFormats),
                                        [&](const Format& f) { return word == f.word; });

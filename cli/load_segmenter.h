@@ -8,10 +8,10 @@
 
 namespace volalign {
 
-/// The network of --model by the file's ending: of .onnx by OpenCV (infer/segment_onnx/load.h), on
-/// the CPU, else a checkpoint by LibTorch (infer/segment/load.h). Sets the threads of the one that
-/// runs it for the whole process; 0 leaves them as they are. Throws as these do, and ConfigError
-/// for another device than cpu and a .onnx.
+/// The network of --model, by the file's ending. OpenCV runs .onnx on the CPU
+/// (infer/segment_onnx/load.h), LibTorch a checkpoint (infer/segment/load.h). Sets its library's
+/// threads for the whole process; 0 leaves them as they are. Throws as these do, and ConfigError
+/// for .onnx with another device than cpu.
 std::unique_ptr<NetworkSegmenter> LoadSegmenter(const std::string& file, const Structure* structure,
                                                 const std::string& device, int threads);
 

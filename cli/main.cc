@@ -25,7 +25,7 @@ namespace volalign {
 
 namespace {
 
-/// By the headings under which the program's help lists them.
+/// The commands, with the headings under which the program's help lists them.
 std::vector<Command> AddCommands(CLI::App& program) {
   std::vector<Command> commands;
   const auto add = [&](const char* heading, const std::vector<Command>& group) {
@@ -52,7 +52,7 @@ std::vector<Command> AddCommands(CLI::App& program) {
   return commands;
 }
 
-/// Reads the arguments; true where they were understood, else `status` is that of the program.
+/// Reads the arguments. True if they were understood; else `status` is that of the program.
 bool Parse(CLI::App* program, int argc, char** argv, int* status) {
   const std::string unknown = UnknownCommand(program, {argv + 1, argv + argc});
   if (!unknown.empty()) {
@@ -68,7 +68,7 @@ bool Parse(CLI::App* program, int argc, char** argv, int* status) {
       *status = program->exit(error);
       return false;
     }
-    // What is misspelled is missing, too.
+    // Misspelled options are missing, too.
     const std::string misspelled = UnknownOption(program);
     fmt::print(stderr, "error: {}\n",
                misspelled.empty() ? MessageLine(error.what()) + " (--help says more)"
@@ -78,8 +78,8 @@ bool Parse(CLI::App* program, int argc, char** argv, int* status) {
   return false;
 }
 
-/// `status`, or 1 where standard output did not take all that was written to it. Where it is 1,
-/// an error was said.
+/// `status`, or 1 with an error if standard output did not take everything. If `status` is 1, an
+/// error was printed before.
 int Written(int status) {
   if (status == 1) return status;
   errno = 0;
@@ -128,7 +128,7 @@ int Run(int argc, char** argv) {
 int Main(int argc, char** argv) {
   KeepSoftwareRenderingOnOneThread();
   EndOnInterrupt();
-  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails, and says so
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails with an error
   return Written(Run(argc, argv));
 }
 

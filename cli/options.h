@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// The file, or no file where the name is empty, with KEY=VALUE over it. Throws as ConfigSource.
+/// The file, or none if the name is empty, with KEY=VALUE over it. Throws as ConfigSource.
 inline ConfigSource ReadSource(const std::string& file,
                                const std::vector<std::string>& assignments) {
   ConfigSource source = file.empty() ? ConfigSource() : ConfigSource::FromFile(file);
@@ -18,8 +18,8 @@ inline ConfigSource ReadSource(const std::string& file,
   return source;
 }
 
-/// Options that are the same in every sub-command and stand for a key of its configuration. Add
-/// them after --set, which would otherwise replace what they assign.
+/// Adds an option that stands for a key of the configuration in every sub-command. Call it after
+/// --set, which would otherwise replace its value.
 inline void AddAssignment(CLI::App* app, const std::string& option, const std::string& key,
                           std::vector<std::string>* assignments, const std::string& text) {
   app->add_option_function<std::string>(

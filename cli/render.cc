@@ -92,9 +92,8 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
   for (const char* format : {"--json", "--csv"}) app->get_option(format)->needs(rig);
 }
 
-/// Of `stills`, each still as a capture of its own where there are several. Writes into `draft`,
-/// which becomes `output`, and adds a row for each frame to `table`. Returns the names of the
-/// captures.
+/// Writes each of several captures as a capture of its own into `draft`, which becomes `output`,
+/// and adds a row for each frame to `table`. Returns the names of the captures.
 std::vector<std::string> WriteStills(const std::filesystem::path& draft, const std::string& output,
                                      const std::vector<RigCapture>& stills,
                                      const std::string& renderer, Table* table) {
@@ -116,7 +115,7 @@ std::vector<std::string> WriteStills(const std::filesystem::path& draft, const s
   return written;
 }
 
-/// A capture of its own, or those of placements or turns.
+/// Does the folder have a capture of its own, or those of placements or turns?
 bool HasCapture(const std::filesystem::path& folder) {
   const auto exists = [&](const char* part) {
     std::error_code error;
@@ -125,7 +124,7 @@ bool HasCapture(const std::filesystem::path& folder) {
   return exists("") || exists("placement_1") || exists("turn_1");
 }
 
-/// Each turn of the structure in a folder of its own, where there are several.
+/// Renders each of several turns of the structure into a folder of its own.
 void RenderRigTurns(const RenderOptions& options, const ConfigSource& source,
                     const Renderers& renderers) {
   if (!options.force && HasCapture(options.output)) {

@@ -27,7 +27,7 @@ CLI::App* AddVerb(CLI::App* app, const char* name, const char* text, RunsOptions
   return verb;
 }
 
-/// Says on standard error which folders were passed over.
+/// Reads the runs and names skipped folders on standard error.
 std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
   std::vector<std::string> passed_over;
   std::vector<LoggedRun> runs = ReadRuns(options.folders, &passed_over);
@@ -35,7 +35,7 @@ std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
   return runs;
 }
 
-/// With the keys that are to be shown; says of those that are not.
+/// The groups with the keys to be shown; says how many others differ.
 std::vector<RunGroup> Shown(std::vector<RunGroup> groups, const RunsOptions& options) {
   const std::size_t left_out = ShowKeys(options.keys, &groups);
   if (left_out > 0 && options.keys.empty())
@@ -70,7 +70,7 @@ Command AddRunsCommand(CLI::App& program) {
               options->table.Print(FormatTable(table, TableFormat::kText), table);
               return 0;
             }
-            // For people few keys, for a program all of them, unless some were asked for.
+            // People get few keys, programs all of them, unless some were asked for.
             const std::vector<RunGroup> groups = GroupRuns(runs), shown = Shown(groups, *options);
             options->table.Print(FormatTable(CompareRuns(shown), TableFormat::kText),
                                  CompareRuns(options->keys.empty() ? groups : shown));

@@ -2,7 +2,7 @@
 
 namespace volalign {
 
-/// In the data folder: the network of configs/structure.yaml that comes with the program.
+/// The network of configs/structure.yaml that comes with the program, in the data folder.
 inline constexpr char kShippedModel[] = "models/m05-lite.safetensors";
 
 }  // namespace volalign

@@ -129,7 +129,7 @@ Command AddStructureCommand(CLI::App& program) {
       ->capture_default_str();
   check->add_option("--heights", options->views.heights_m, "of the sensors above the floor, m")
       ->check(CLI::PositiveNumber)
-      // CLI11's own text of a list is another one where LibTorch's operator<< for vectors is seen.
+      // CLI11's own text of a list changes where LibTorch's operator<< for vectors is visible.
       ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
   check->add_option("-o,--output", options->picture, "picture of it, SVG");
   options->table.AddOptions(check);

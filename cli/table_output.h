@@ -7,13 +7,13 @@
 
 namespace volalign {
 
-/// What a command that prints a table writes on standard output: text with the table in it, in the
-/// lines of a terminal where it is one, or, with --json or --csv, the table alone.
+/// The output of a command with a table: text with the table in it, wrapped for a terminal, or,
+/// with --json or --csv, the table alone.
 class TableOutput {
  public:
   void AddOptions(CLI::App* app);
   void Print(const std::string& text, const Table& table) const;
-  /// A line beside the table: on standard error where the table is for a program.
+  /// Prints a line beside the table: on standard error if the table is for a program.
   void Say(const std::string& line) const;
 
  private:

@@ -39,8 +39,8 @@ struct TrainCommandOptions {
   int processes = 1;
 };
 
-/// run.threads where the recipe leaves it open: what the run began with, or as many as are idle
-/// here for each of `processes` on this machine.
+/// Sets run.threads if the recipe leaves it open: as the run began, or as many as are idle here for
+/// each of `processes` on this machine.
 void ChooseThreads(const std::filesystem::path& run_dir, int idle, int processes,
                    TrainConfig* config) {
   int& threads = config->run.threads;
@@ -71,7 +71,7 @@ int TrainOne(const TrainCommandOptions& options) {
       fmt::print(stderr, "{}\n", sentence);
   }
   const World& world = train_options.world;
-  // Those that LaunchProcesses has started have a store.
+  // Processes that LaunchProcesses has started have a store.
   if (options.processes > 1 && world.store.empty()) {
     if (world.size > 1) {
       throw ConfigError(

@@ -34,7 +34,7 @@ struct ValidateOptions {
   TableOutput table;
 };
 
-/// The recipe that the samples are of is added to `recipes`.
+/// Adds the recipe of the samples to `recipes`.
 ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& options,
                              std::vector<std::pair<std::string, std::string>>* recipes) {
   LoadedModel model = LoadCheckpoint(file);
