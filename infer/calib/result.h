@@ -114,7 +114,7 @@ struct RigAlternative {
   std::vector<SensorAlternative> sensors;
 };
 
-/// How the joint solution ended.
+/// The end of the joint solution.
 struct SolveReport {
   int rounds = 0;  ///< number of joint refinements
   /// All frames have FrameSolution::settled.

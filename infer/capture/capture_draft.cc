@@ -361,7 +361,7 @@ class Drafter {
                     sensor->name, sensor->width, sensor->height, fmt::join(why, "; ")));
   }
 
-  /// Why files that may be meant as the sensor's intrinsics are none.
+  /// Says why files that may be meant as the sensor's intrinsics are none.
   std::string PassedOver(const FolderContent& top, const DraftSensor& sensor) const {
     std::vector<std::string> files = top.not_understood;
     if (const auto own = own_.find(sensor.name); own != own_.end())

@@ -29,7 +29,7 @@ struct AssemblyOptions {
   }
 };
 
-/// How the stack stands, as far as the sensors show it.
+/// The stack's arrangement, as far as the sensors show it.
 struct AssemblyReport {
   Arrangement arrangement;  ///< code kNone: as described, or not known
   double described_share =

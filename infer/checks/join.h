@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// Where the stack stood in each capture.
+/// The stack's poses in the captures.
 struct Stood {
   std::vector<Pose> first_from_stack;  ///< for each capture; the first is the identity
   SomeFrames<Finding> contradicted;    ///< located frames that contradict these poses

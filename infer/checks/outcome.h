@@ -9,7 +9,7 @@ enum class SensorStatus { kOk, kWeak, kFailed };
 const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
 std::vector<SensorStatus> AllOf(SensorStatus);
 
-/// Why a sensor is failed or weak.
+/// Reasons why a sensor is failed or weak.
 enum class SensorCode {
   kNone,  ///< of a sensor that is ok
   // Failed: the sensor has no pose.
@@ -48,7 +48,7 @@ enum class SensorCode {
 const char* ToString(SensorCode code);
 std::vector<SensorCode> AllOf(SensorCode);
 
-/// Why a sensor has no pose, or a reason to doubt its pose.
+/// The reason why a sensor has no pose, or a doubt about its pose.
 struct Finding {
   SensorCode code = SensorCode::kNone;
   std::string reason;  ///< a sentence

@@ -66,7 +66,7 @@ std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,
                                              const LocateOptions& options);
 
-/// How the stack is built, for each capture, with its frames as views. Nothing if that was not
+/// The stack's arrangement in each capture, with its frames as views. Nothing if that was not
 /// examined.
 using StackFinding = std::vector<std::optional<AssemblyReport>>;
 

@@ -22,7 +22,7 @@ struct SurfaceFit {
 SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
                         const Structure& structure, const Pose& structure_from_sensor);
 
-/// How well a pose explains a frame.
+/// Measures of a pose that explains a frame.
 struct PoseQuality {
   std::vector<std::string> sides;  ///< names of the ConfirmedLabels
   // SurfaceFit.

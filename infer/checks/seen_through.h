@@ -15,7 +15,7 @@ struct SeenThrough {
   std::size_t other = 0;  ///< the sensor that shows it most clearly
   /// Share of the surfaces of each other that the two could have seen and that one sees through.
   double share = 0;
-  double log_odds = 0;  ///< natural logarithm, for its pose being right, by all its pairs
+  double log_odds = 0;  ///< natural logarithm, for its pose, by all its pairs
 };
 
 /// Judges sensors at their final poses. There is a result if the pairs of a sensor speak against it

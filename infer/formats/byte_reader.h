@@ -32,7 +32,7 @@ class ByteReader {
     std::memcpy(&value, Take(sizeof(T)).data(), sizeof(T));
     return value;
   }
-  /// As many bytes as the 32-bit number before them states.
+  /// Takes as many bytes as the 32-bit number before them states.
   std::string_view Block() { return Take(Value<std::uint32_t>()); }
 
  private:

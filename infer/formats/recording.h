@@ -23,7 +23,7 @@ struct RecordedDepth {
   std::optional<Intrinsics> intrinsics;
   std::string intrinsics_source;   ///< their origin: a topic, an attachment
   bool intrinsics_stated = false;  ///< as a calibration; else by a camera_info without one (K is 0)
-  /// Why the recording's intrinsics cannot be used; empty otherwise.
+  /// the reason if the recording's intrinsics cannot be used; else empty
   std::string intrinsics_problem;
   std::optional<double> depth_scale;   ///< metres per unit
   bool depth_scale_stated = false;     ///< by the recording or for the device, not by a convention

@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// How well a pose explains a frame. The counts compare the structure as seen from the pose
+/// Agreement of a pose with a frame. The counts compare the structure as seen from the pose
 /// (core/geometry/visibility.h, CastView) with the measured depths and the predicted labels, pixel
 /// by pixel.
 struct Agreement {

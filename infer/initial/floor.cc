@@ -33,8 +33,8 @@ struct LowPoint {
   bool on_a_floor = false;  // faces up, at least kLeastTable under the foot
 };
 
-/// How far under the foot most of the surface that faces up lies, m: the floor that a table may
-/// stand on. 0 where there is too little.
+/// Depth of most of the surface that faces up, m, under the foot: the floor that a table may stand
+/// on. 0 where there is too little.
 double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
   std::map<int, int> cells;
   for (const LowPoint& point : points) {

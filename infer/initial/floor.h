@@ -51,7 +51,7 @@ FloorFit FindFloor(const SensorView& view, const Structure& structure,
 std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& structure,
                                  const std::vector<Pose>& poses);
 
-/// How much the floor speaks for a pose rather than for any symmetry of it: the least difference of
+/// The evidence of the floor for a pose rather than for any symmetry of it: the least difference of
 /// FloorFit::LogOdds; infinity without symmetries.
 double FloorMargin(const SensorView& view, const Structure& structure,
                    const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);

@@ -13,7 +13,7 @@
 
 namespace volalign {
 
-/// Where initial poses come from.
+/// Sources of initial poses.
 enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
 constexpr Words<PoseMethod, 4> WordsOf(PoseMethod) {
   return {{{"auto", PoseMethod::kAuto},

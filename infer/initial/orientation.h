@@ -44,8 +44,8 @@ struct Labelled {
   SegmentationResult segmentation;  ///< full size, the frame's own orientation
   int quarter_turns = 0;            ///< clockwise turns into the network's orientation
   InitialPose initial;
-  /// How the structure would stand at another pose that explains the view about as well: "upside
-  /// down". Empty where there is no such pose.
+  /// Description of the structure at another pose that explains the view about as well: "upside
+  /// down". Empty if there is no such pose.
   std::string other_pose;
   std::vector<PoseAlternative> alternatives;  ///< PoseChoice::alternatives
   bool given = false;                         ///< PoseChoice::given

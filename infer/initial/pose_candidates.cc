@@ -84,7 +84,7 @@ std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& pa
   return candidate;
 }
 
-/// How much a patch counts. A large one outweighs a sliver, but two large ones are equals.
+/// Weight of a patch. A large one outweighs a sliver, but two large ones are equals.
 double Trust(const SidePatch& patch) { return patch.area / (patch.area + kHalfTrustArea); }
 
 }  // namespace

@@ -93,7 +93,7 @@ Plane FitPlane(const std::vector<Eigen::Vector3d>& points, const std::vector<int
   return plane;
 }
 
-/// How far the points of one side may lie from its plane and from each other, m.
+/// Largest distances of one side's points from its plane and from each other, m.
 struct PatchLimits {
   SurfaceTolerance tolerance;
   double diagonal = 0;  // of the side

@@ -1,6 +1,6 @@
 #pragma once
 
-// Whether a stack of boxes is a good target, by its shape alone.
+// Measures whether a stack of boxes is a good target, by its shape alone.
 
 #include <string>
 #include <vector>

@@ -42,8 +42,8 @@ struct Ray {
 /// A side's borders: at +u, -u, +v, -v.
 constexpr int kBorders = 4;
 
-/// How far a point of a side's plane lies beyond the side's border, m; negative within it.
-/// `border`: the one that it lies farthest beyond, or nearest to.
+/// Distance of a point of a side's plane beyond the side's border, m; negative within it. `border`:
+/// the one that it lies farthest beyond, or nearest to.
 double Beyond(const Side& side, const Eigen::Vector3d& p, int* border = nullptr) {
   const Eigen::Vector3d local = p - side.centre;
   const double u = local.dot(side.axis_u), v = local.dot(side.axis_v);

@@ -6,9 +6,9 @@
 
 namespace volalign {
 
-/// How well a view has the structure's shape at a pose, whatever any label says. The areas, m^2,
-/// are of the structure's surface as seen from the pose. A surface seen at a grazing angle of more
-/// than 60 deg counts as twice its area across the rays.
+/// Agreement of a view with the structure's shape at a pose, whatever any label says. The areas,
+/// m^2, are of the structure's surface as seen from the pose. A surface seen at a grazing angle of
+/// more than 60 deg counts as twice its area across the rays.
 struct ViewFit {
   double explained = 0;  ///< measured there, facing as it should
   double turned = 0;     ///< measured there, but facing otherwise

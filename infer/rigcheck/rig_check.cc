@@ -37,7 +37,7 @@ std::vector<SensorEstimate> EstimatesOf(const Extrinsics& extrinsics) {
   return estimates;
 }
 
-/// Why a sensor has no pose to compare; "" if it has one. `when`: "now" or "last time".
+/// Says why a sensor has no pose to compare; "" if it has one. `when`: "now" or "last time".
 std::string Lacks(const Sensor* sensor, const std::string& when) {
   if (!sensor) return fmt::format("the rig does not have it {}", when);
   if (!sensor->structure_from_sensor) {

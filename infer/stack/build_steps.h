@@ -7,7 +7,7 @@
 
 namespace volalign {
 
-/// How far the edges of a box's outline, seen from above, stand beyond those of another outline, m;
+/// Distances of the edges of a box's outline, seen from above, beyond those of another outline, m;
 /// negative if they are set back.
 struct Overhang {
   double front = 0, back = 0, right = 0, left = 0;  ///< +x, -x, +z, -z

@@ -25,7 +25,7 @@ struct ReportStill {
   std::vector<nlohmann::ordered_json> frames;
 };
 
-/// How a calibration was made.
+/// The origin of a calibration.
 struct ReportRun {
   std::string command;                 ///< as typed
   std::string options;                 ///< all of them, YAML
