@@ -34,7 +34,7 @@ WORDS = {
 BOUNDS = {
     "pages: Use": [4, 0, 15, 1],
     "headers: core": [25, 24, 3, 7],
-    "headers: infer": [21, 42, 3, 31],
+    "headers: infer": [20, 42, 3, 31],
     "headers: render": [9, 10, 0, 1],
     "headers: train": [6, 9, 2, 1],
     "messages: cli": [3, 0, 6, 3],

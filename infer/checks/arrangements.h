@@ -18,15 +18,15 @@ struct Arrangement {
   std::string box, other_box;  ///< boxes that stand otherwise, if the code is about boxes
   int turn_deg = 0;            ///< about the vertical, from +x towards +z
   Structure structure;         ///< the boxes as they stand; labels are its own
-  /// Indices of the boxes of `structure` that stand otherwise by themselves.
+  /// Indices of its turned, laid, swapped or displaced boxes; empty for other codes.
   std::vector<std::size_t> moved;
 };
 
 /// Returns the arrangement as described, then every other one that differs from it. In the next
-/// ones a box is missing, and the boxes on it are let down. Then comes the mirrored stack. Then
-/// each box is turned by 90, 180 or 270 deg about the column that all boxes share, turned by 90 deg
-/// about its own middle, or laid on another edge. In the last ones two boxes are exchanged, each in
-/// its own place beside the column or in the other one's.
+/// ones a box is missing, and the boxes on it are let down. Then comes the mirrored stack. Then a
+/// box is turned by 90, 180 or 270 deg about the column of all boxes, by 90 deg about its own
+/// middle, or laid on another edge. In the last ones two boxes are exchanged, each in its own place
+/// beside the column or in the other one's.
 ///
 /// If several ways lead to the same boxes in the same places, the first is kept. Exchanges that
 /// amount to a mirror image are therefore called mirrored. Half a turn of a box about its own

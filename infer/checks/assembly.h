@@ -31,10 +31,9 @@ struct AssemblyOptions {
 
 /// The stack's arrangement, as far as the sensors show it.
 struct AssemblyReport {
-  Arrangement arrangement;  ///< code kNone: as described, or not known
-  double described_share =
-      0;             ///< share of the points where the described boxes are that lie on them
-  double share = 0;  ///< the same of `arrangement`
+  Arrangement arrangement;           ///< code kNone: as described, or not known
+  double described_share = 0;        ///< share of points at the described boxes that lie on them
+  double share = 0;                  ///< the same of `arrangement`
   std::vector<std::size_t> seen_by;  ///< indices of the views that have the arrangement's shape
   /// Indices of the views that are mirrored, while others show the stack as described.
   std::vector<std::size_t> mirrored_frames;

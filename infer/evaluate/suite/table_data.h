@@ -20,8 +20,7 @@ struct TableCell {
   bool applicable = true;
   std::vector<double> values;  ///< of each placed view, or of each capture with one
   ColumnStatistics column;
-  std::optional<double>
-      distance;  ///< to the best mean of those of the table's rows that the paper has
+  std::optional<double> distance;  ///< to the best mean of the rows that the paper has
   std::optional<double> floor;  ///< mean of the metric at the true poses, of all views or captures
 };
 
