@@ -1,7 +1,7 @@
 #pragma once
 
-// A pose as a block of Ceres parameters. No header of Ceres here, since callers of Refine, which
-// may use LibTorch, see this one.
+// A pose as a block of Ceres parameters. Callers of Refine, which may use LibTorch, include this
+// file, so it includes no header of Ceres.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
