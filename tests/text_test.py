@@ -34,10 +34,8 @@ WORDS = {
 BOUNDS = {
     "pages: Use": [4, 0, 15, 1],
     "headers: cli": [1, 0, 0, 0],
-    "headers: core": [25, 24, 3, 7],
-    "headers: infer": [53, 87, 5, 53],
-    "headers: render": [9, 10, 0, 1],
-    "headers: train": [6, 9, 2, 1],
+    "headers: core": [0, 0, 1, 0],
+    "headers: infer": [33, 43, 2, 22],
     "messages: cli": [3, 0, 6, 3],
     "messages: infer/calib": [2, 0, 0, 0],
     "messages: infer/capture": [2, 0, 0, 0],

@@ -31,7 +31,7 @@ struct PoseBlock {
   }
 };
 
-/// d (R(q) p) / d (x y z w), 3x4, for R(q) p = p + 2 w (u x p) + 2 u x (u x p), q = (u, w).
+/// d (R(q) p) / d (x y z w), 3x4. R(q) p = p + 2 w (u x p) + 2 u x (u x p), where q = (u, w).
 inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const Eigen::Vector3d& p) {
   const Eigen::Vector3d u(q[0], q[1], q[2]);
   Eigen::Matrix<double, 3, 4> jacobian;
