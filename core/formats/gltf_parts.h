@@ -23,7 +23,7 @@ tinygltf::Value Numbers(const std::vector<double>& numbers);
 tinygltf::Model NewGltf(const std::string& scene_name);
 
 /// Appends tightly packed elements to the model's first buffer. Returns the index of their
-/// accessor. `type` of floats: TINYGLTF_TYPE_...
+/// accessor. `type`: TINYGLTF_TYPE_...
 int AddFloats(tinygltf::Model* model, const std::vector<float>& values, int type);
 int AddBytes(tinygltf::Model* model, const std::vector<std::uint8_t>& values, int type);
 int AddIndices(tinygltf::Model* model, const std::vector<std::uint16_t>& values);

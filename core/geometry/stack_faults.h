@@ -19,9 +19,10 @@ struct StackFault {
 };
 
 /// Impossible: boxes that share space, or stand neither on the floor (the lowest side of all) nor
-/// on a box, by more than 5 cm. Doubtful: the same by less, beyond kStackTolerance. Also doubtful:
-/// boxes whose longest edge is less than 10 cm or more than 5 m, as in other units. Gaps of up to 5
-/// cm between boxes side by side. Boxes whose middle is beyond what they stand on.
+/// on a box, by more than 5 cm. Doubtful: the same by less, beyond kStackTolerance. Boxes are also
+/// doubtful if their longest edge is less than 10 cm or more than 5 m, as in other units. So are
+/// gaps of up to 5 cm between boxes side by side, and boxes whose middle is beyond what they stand
+/// on.
 std::vector<StackFault> FindStackFaults(const Structure& structure);
 
 /// Throws DataError with the sentence of the first impossible fault.

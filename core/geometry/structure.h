@@ -80,9 +80,9 @@ class Structure {
 
   /// `label_order` lists side names in the order of their ids 1, 2, .... If it is empty, sides are
   /// numbered box by box in the order front, back, up, right, left. Throws DataError for duplicate
-  /// or empty names, for names that RequirePlainName refuses, and for more than kMaxBoxes boxes.
-  /// Also for boxes more than 1 km away or with an edge outside of kShortestEdge to kLongestEdge.
-  /// Also for a label order that does not name every side but `down` once.
+  /// or empty names, for names that RequirePlainName refuses, and for more than kMaxBoxes boxes. It
+  /// throws the same for boxes more than 1 km away or with an edge outside of kShortestEdge to
+  /// kLongestEdge. A label order has to name every side but `down` once.
   static Structure FromBoxes(std::string name, std::vector<Box> boxes,
                              const std::vector<std::string>& label_order = {});
 

@@ -17,9 +17,9 @@ inline constexpr int kMaxJsonDepth = 64;
 inline constexpr std::size_t kMaxJsonValues = 4'000'000;
 
 /// Parses JSON. Throws DataError in one line, with `name` and the position, for a syntax error (NaN
-/// is one) or a duplicate key. Also for a null anywhere: a key without a value has to be absent.
-/// Also for a document that is nested deeper than kMaxJsonDepth or has more than kMaxJsonValues
-/// values.
+/// is one) or a duplicate key. It does so for a null anywhere, as a key without a value has to be
+/// absent. It also does so for a document that is nested deeper than kMaxJsonDepth or has more than
+/// kMaxJsonValues values.
 nlohmann::json ParseStrictJson(const std::string& text, const std::string& name);
 
 /// A value for a message: as JSON, and Shortened.

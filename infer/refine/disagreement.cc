@@ -213,8 +213,8 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   return worst;
 }
 
-/// May this frame be excluded, too? If its sensor has three frames or more, most of these may stay.
-/// Otherwise most sensors have to be without an excluded frame.
+/// May this frame be excluded, too? Yes if its sensor has three frames or more and most of these
+/// stay. Yes also if most sensors stay without an excluded frame.
 bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
                     const std::vector<char>& takes_part, std::size_t frame) {
   std::map<int, std::pair<int, int>> of_sensor;  // its frames, and the excluded ones
