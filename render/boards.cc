@@ -13,9 +13,9 @@ namespace {
 
 constexpr double kDistance = 0.7;    // m, horizontally from the sensor
 constexpr double kThickness = 0.02;  // m
-constexpr double kMargin = 0.3;      // m, that a board is larger than what it hides
+constexpr double kMargin = 0.3;      // m, by which a board is larger than the hidden part
 
-/// Where a sensor's rays to the structure pass through the upright plane that a board stands in.
+/// The places where a sensor's rays to the structure pass through the board's upright plane.
 struct Window {
   Eigen::Vector3d foot;  // below the sensor, on the floor
   Eigen::Vector3d forward, right;
@@ -69,7 +69,7 @@ void AppendBoard(const Structure& structure, const RayTable& rays,
   pose.linear().col(0) = window.right;
   pose.linear().col(1) = Eigen::Vector3d::UnitY();
   pose.linear().col(2) = window.right.cross(Eigen::Vector3d::UnitY());
-  // The face towards the sensor is where the rays were measured.
+  // The face towards the sensor is in the plane of the rays' places.
   pose.translation() = window.foot + (kDistance + kThickness / 2) * window.forward +
                        (left + right) / 2 * window.right + Eigen::Vector3d(0, top / 2, 0);
   mesh->BeginObject(SceneObject());

@@ -132,7 +132,7 @@ std::uint64_t NextFolder(const DatasetHeader& header, std::uint64_t index) {
   return (index / size + 1) * size;
 }
 
-/// A row of samples.jsonl: a sample but for its images, whose files it names.
+/// A row of samples.jsonl: a sample without its images, but with their names.
 struct SampleRow {
   Sample sample;
   std::string depth, labels;
@@ -189,7 +189,7 @@ class DatasetWriter {
   }
 
  private:
-  /// What an earlier run left.
+  /// The results of an earlier run.
   struct Adopted {
     std::uint64_t next = 0;  // first sample without a row
     std::string rows;        // of the folder that `next` falls into
@@ -208,7 +208,7 @@ class DatasetWriter {
       const fs::path path = dir_ / FolderName(header_, next) / kRowsName;
       if (!fs::exists(path)) break;
       const std::uint64_t end = std::min(NextFolder(header_, next), End());
-      // Only the last folder that was begun can be partly filled.
+      // Only the last folder may be incomplete.
       const fs::path following = dir_ / FolderName(header_, NextFolder(header_, next)) / kRowsName;
       if (end < End() && fs::exists(following)) {
         next = end;
@@ -252,7 +252,7 @@ class DatasetWriter {
     }
   }
 
-  /// Temporary files of a run that was killed.
+  /// Removes temporary files of a killed run.
   void RemoveLeftovers() const {
     for (std::uint64_t index = next_; index < End(); index = NextFolder(header_, index)) {
       RemoveTemporaries(dir_ / FolderName(header_, index));
@@ -262,7 +262,7 @@ class DatasetWriter {
   void Draw() {
     const std::uint64_t batch = static_cast<std::uint64_t>(header_.batch_size);
     const std::uint64_t sheet_end = header_.first_index + std::min(header_.count, kSheetSamples);
-    // The pictures show clean depth, which is not kept: draw those samples again.
+    // The pictures have clean depth, which is not kept. So those samples are drawn again.
     const std::uint64_t start = next_ < sheet_end ? header_.first_index : next_;
     SampleStream::Options stream_options;
     stream_options.seed = header_.seed;
@@ -330,7 +330,7 @@ class DatasetWriter {
     write(names.labels, sample.labels);
   }
 
-  /// The rows; the images that they name are written by now.
+  /// Writes the rows. Their images were written before.
   void Commit() {
     lock_.Sync();
     WriteFileAtomically(dir_ / FolderName(header_, next_ - 1) / kRowsName, rows_);
@@ -346,8 +346,8 @@ class DatasetWriter {
   std::string rows_;  // of the folder that next_ falls into
 };
 
-/// Depth of a row's PNG, m. Single precision like the sensor models' own rounding, so that training
-/// sees the very numbers that it would have rendered.
+/// Depth of a row's PNG, m. Single precision as in the sensor models' rounding, so that training
+/// sees the same numbers as when it renders.
 DepthImage DepthFromSteps(const Image16& steps) {
   DepthImage depth(steps.width(), steps.height());
   for (std::size_t i = 0; i < steps.size(); ++i) {

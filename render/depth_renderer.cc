@@ -31,7 +31,7 @@ void FindFacesInView(const SceneMesh& mesh, const Pose& structure_from_sensor,
   const Eigen::Vector3d eye = structure_from_sensor.translation();
   for (std::size_t i = 0; i < mesh.faces.size(); ++i) {
     const SceneFace& face = mesh.faces[i];
-    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n away
+    const double h = face.offset - face.normal.dot(eye);  // sensor frame: n . p = h, n points away
     if (h > -1e-6) continue;
     FaceInView in_view;
     std::array<int, 5> outside{};

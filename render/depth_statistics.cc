@@ -17,17 +17,17 @@
 namespace volalign {
 namespace {
 
-// Figures of the method; the header says what each is for.
+// Parameters of the method; the header explains them.
 constexpr double kFocalBaseline = 51.9;  // px m, D415 at 1280x720
 // Windows, for the noise of single pixels.
 constexpr int kWindow = 9, kHalfWindow = kWindow / 2, kWindowStep = 4;  // px
-constexpr std::size_t kLeastWindows = 60;  // of a cell of the table that says anything
+constexpr std::size_t kLeastWindows = 60;  // least number for a cell of the table
 // Depth edges.
 constexpr float kJump = 0.3F;    // m
-constexpr int kLongestGap = 60;  // px; beyond it the zeros are no gap of an edge
+constexpr int kLongestGap = 60;  // px; longer runs of zeros are no gap of an edge
 constexpr float kFlyingLow = 0.2F,
                 kFlyingHigh = 0.8F;  // depth of a flying pixel between two others
-// Planes, for smooth errors: regions grow from the windows that are flattest.
+// Planes, for smooth errors: regions grow from the flattest windows.
 constexpr double kPlaneTolerance = 0.012;      // m from the plane
 constexpr double kPlaneDisparityNoise = 0.15;  // px, of stereo; 3.5 of it may be off
 constexpr int kPlaneGrowths = 12;              // refits of a growing plane
@@ -67,7 +67,7 @@ class PlaneFit {
   Eigen::Vector3d right_ = Eigen::Vector3d::Zero();
 };
 
-/// Where a camera of the same focal length without a lens would have each pixel: there a plane is a
+/// The place of each pixel for a camera of the same focal length without a lens. There a plane is a
 /// plane in inverse depth.
 class StraightPlaces {
  public:
@@ -110,7 +110,7 @@ struct FlatWindow {
   double correlation;  // of neighbouring residuals along rows
 };
 
-/// None where a pixel has no depth.
+/// Nothing if a pixel has no depth.
 std::optional<FlatWindow> FitWindow(const DepthImage& depth, const StraightPlaces& places, int u,
                                     int v) {
   PlaneFit fit;
@@ -141,13 +141,13 @@ std::optional<FlatWindow> FitWindow(const DepthImage& depth, const StraightPlace
   return window;
 }
 
-/// Distance from a plane within which a pixel of depth z (m) belongs to it, m.
+/// Largest distance, m, from a plane of a pixel with depth z (m) that belongs to it.
 double PlaneTolerance(bool stereo, double z) {
   if (!stereo) return kPlaneTolerance;
   return std::max(kPlaneTolerance, 3.5 * kPlaneDisparityNoise * z * z / kFocalBaseline);
 }
 
-/// Pixels of the plane that `seed` lies on, but for those that another plane has taken.
+/// Pixels of the plane of `seed` that no other plane has taken.
 std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const StraightPlaces& places,
                                            bool stereo, const Image<std::uint8_t>& taken,
                                            const FlatWindow& seed) {
@@ -155,7 +155,7 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const Straig
   InversePlane plane = seed.plane;
   std::size_t before = 0;
   for (int growth = 0; growth < kPlaneGrowths; ++growth) {
-    // Not far beyond what the fit rests on: a few hundred pixels do not say where a wall ends.
+    // Limits the growth beyond the fit: a few hundred pixels do not show where a wall ends.
     const std::size_t limit = std::max(kGrowthFactor * before, kFirstGrowth);
     Image<std::uint8_t> seen(depth.width(), depth.height());
     region.assign(1, {seed.u, seed.v});
@@ -182,8 +182,8 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const Straig
   return region;
 }
 
-/// Angle between the plane's normal and the ray through a straight place, deg. In space 1/z = n.r /
-/// h.
+/// Angle between the plane's normal and the ray through a straight place, deg. In space, 1/z = n.r
+/// / h.
 double Incidence(const InversePlane& p, const Intrinsics& k, const Eigen::Vector2d& place) {
   const Eigen::Vector3d n(p.a * k.fx, p.b * k.fy, p.c + p.a * k.cx + p.b * k.cy);
   const Eigen::Vector3d ray((place.x() - k.cx) / k.fx, (place.y() - k.cy) / k.fy, 1);
@@ -197,7 +197,7 @@ int Bin(const std::array<double, N>& edges, double x) {
   return static_cast<int>(std::upper_bound(edges.begin(), edges.end(), x) - edges.begin()) - 1;
 }
 
-/// -1 of nothing.
+/// -1 for no values.
 double QuantileOrNone(std::vector<double> values, double q) {
   return values.empty() ? -1 : Quantile(std::move(values), q);
 }

@@ -10,22 +10,24 @@
 
 namespace volalign {
 
-/// Figures of depth frames that need no labels, so that rendered and real frames compare
-/// (docs/sensor-models.md: "measured" figures of real frames come from here). Frames of one sensor
-/// kind are pooled with Add.
+/// Statistics of depth frames without labels, to compare rendered and real frames.
+/// docs/sensor-models.md has those of real frames as "measured". Frames of one sensor kind are
+/// pooled with Add.
 ///
-/// - Local residual: 9x9 windows without holes, inverse depth fitted by a plane (a plane in space
-///   is one in 1/z, where pixels lie as without a lens), residual in mm at the window's depth; a
-///   bin's figure is the lower quartile over its windows, which leaves out edges and bent surfaces.
-/// - Whole faces: planes grown from the flattest windows, refitted while they grow, all pixels
-///   within 12 mm of it, or more where the noise of stereo is; residual of the plane's pixels and
-///   of its 7x7 means.
-/// - Edges: runs of zeros between two valid pixels of a row or column whose depths differ by more
-///   than 300 mm.
+/// Local residual: 9x9 windows without holes. A plane is fitted to inverse depth (a plane in space
+/// is one in 1/z, at the pixels' places without a lens). The residual is in mm at the window's
+/// depth. A bin has the lower quartile over its windows, which excludes edges and bent surfaces.
+///
+/// Whole faces: planes grow from the flattest windows and are refitted meanwhile. They take all
+/// pixels within 12 mm, or more for the noise of stereo. Residuals are those of the plane's pixels
+/// and of its 7x7 means.
+///
+/// Edges: runs of zeros between two valid pixels of a row or column whose depths differ by more
+/// than 300 mm.
 class DepthStatistics {
  public:
   struct Options {
-    /// Noise grows with z^2: planes are grown with a tolerance that does, too.
+    /// Noise grows with z^2, so the tolerance of planes does, too.
     bool stereo = false;
   };
   explicit DepthStatistics(const Options& options) : options_(options) {}
@@ -33,16 +35,16 @@ class DepthStatistics {
   /// `depth` in m, 0 for no measurement. Throws Error if the sizes differ from the intrinsics'.
   void Add(const DepthImage& depth, const Intrinsics& intrinsics);
 
-  /// Sides of the structure: pixels of each side label but its border, a plane fitted to them
-  /// without outliers beyond 40 mm, for sides of at least 0.3 % of the image. `labels` as large as
+  /// Sides of the structure of at least 0.3 % of the image. A plane is fitted to the pixels of each
+  /// side label without its border and without outliers beyond 40 mm. `labels` has the size of
   /// `measured`.
   void AddSides(const DepthImage& measured, const LabelImage& labels, const Intrinsics& intrinsics);
 
   const Options& options() const { return options_; }
   int frames() const { return frames_; }
   double valid_share() const;
-  /// Holes inside the convex hull of the valid pixels; the hull's share of the image is
-  /// `hull_share`.
+  /// Holes inside the convex hull of the valid pixels. `hull_share` is the hull's share of the
+  /// image.
   double hole_share() const;
   double hull_share() const;
 
@@ -50,9 +52,9 @@ class DepthStatistics {
   static constexpr std::array<double, 6> kDistances{1.0, 1.5, 2.0, 2.5, 3.5, 5.5};
   /// Lower edges of the incidence bins, deg.
   static constexpr std::array<double, 4> kIncidences{0, 40, 60, 80};
-  /// mm; negative where fewer than 60 windows fell into the bin.
+  /// mm; negative if the bin has fewer than 60 windows.
   double LocalResidual(std::size_t distance, std::size_t incidence) const;
-  /// Correlation of neighbouring residuals along rows, of the same windows; 0 without windows.
+  /// Correlation of neighbouring residuals along rows, in the same windows; 0 without windows.
   double LocalCorrelation(std::size_t distance, std::size_t incidence) const;
 
   struct Plane {
@@ -62,19 +64,20 @@ class DepthStatistics {
     double smooth_mm = 0;  ///< of 7x7 means
   };
   const std::vector<Plane>& planes() const { return planes_; }
-  /// Median over the planes of a distance bin, mm; negative where there is none.
+  /// Median over the planes of a distance bin, mm; negative if there is none.
   double PlaneResidual(std::size_t distance, bool smooth) const;
   int PlaneCount(std::size_t distance) const;
 
   /// Residuals to the fitted planes of the structure's sides.
   const std::vector<Plane>& sides() const { return sides_; }
-  /// Median over the sides of all distances; in mm and, as the noise of stereo is constant in
-  /// disparity, in px of the native resolution of a D415 (f B = 51.9 px m). Negative without sides.
+  /// Median over the sides of all distances, in mm or in disparity, where the noise of stereo is
+  /// constant. Disparity is in px of a D415's native resolution (f B = 51.9 px m). Negative without
+  /// sides.
   double SideResidual(bool in_disparity) const;
 
   /// Shares of the edges with a gap of 0, 1, 2, 3, 4-12 and more px.
   std::array<double, 6> GapShares() const;
-  /// Pixels at mid-depth (20-80 %) of a jump between their neighbours, of all jumps.
+  /// Share of jumps between two pixels with a pixel at mid-depth (20-80 %) between them.
   double FlyingShare() const;
 
  private:
@@ -94,7 +97,7 @@ class DepthStatistics {
   std::vector<Plane> planes_, sides_;
 };
 
-/// Markdown table, a column for each set; names and sets are parallel.
+/// Markdown table with a column per set; names and sets are parallel.
 std::string StatisticsTable(const std::vector<std::string>& names,
                             const std::vector<const DepthStatistics*>& sets);
 

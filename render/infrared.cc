@@ -12,15 +12,15 @@ namespace volalign {
 
 namespace {
 
-// Light. A lamp at the camera gives as much at kLampRange as the room does in the mean.
+// Light. A lamp at the camera gives as much light at kLampRange as the room does on average.
 constexpr double kRoomLight = 0.5;
 constexpr double kLampRange = 2.0;    // m
-constexpr double kBrightShare = 0.9;  // rank of the pixel that the exposure goes by
+constexpr double kBrightShare = 0.9;  // rank of the pixel that decides the exposure
 constexpr double kBlurReach = 3.0;    // standard deviations
 
 using Radiance = Image<float>;
 
-/// Share of light that a point of a side with a print reflects, `otherwise` beyond the paper.
+/// Share of light that a point of a side with a print reflects; `otherwise` beyond the paper.
 double PrintReflectivity(const Side& side, const GreyImage& cells, const Eigen::Vector3d& p,
                          const InfraredConfig& config, double otherwise) {
   const double x = side.axis_u.dot(p - side.centre), y = -side.axis_v.dot(p - side.centre);
@@ -33,7 +33,7 @@ double PrintReflectivity(const Side& side, const GreyImage& cells, const Eigen::
   return cells(cell(x, cells.width()), cell(y, cells.height())) > 0 ? config.white : config.black;
 }
 
-/// Light that each ray brings back.
+/// Light that returns along each ray.
 Radiance Shade(const RenderedView& view, const SceneMesh& mesh, const Structure& built,
                const std::vector<MarkerPrint>& prints, const Pose& structure_from_sensor,
                const InfraredConfig& config) {
@@ -75,7 +75,7 @@ Radiance Reduce(const Radiance& fine, int factor) {
   return image;
 }
 
-/// Along rows (du = 1) or columns (dv = 1); the border is repeated.
+/// Blurs along rows (du = 1) or columns (dv = 1). The border is repeated.
 Radiance BlurAlong(const Radiance& image, double sigma, int du, int dv) {
   const int reach = static_cast<int>(std::ceil(kBlurReach * sigma));
   std::vector<float> kernel;
@@ -98,7 +98,7 @@ Radiance BlurAlong(const Radiance& image, double sigma, int du, int dv) {
   return out;
 }
 
-/// Grey values of what the pixels collect in the time that the exposure asks for.
+/// Grey values of the pixels' light after the exposure time.
 GreyImage Expose(const Radiance& image, const InfraredConfig& config, RandomStream& random) {
   const float bright = Quantile(std::vector<float>(image.begin(), image.end()), kBrightShare);
   const double gain = bright > 0 ? config.exposure / bright : 0;

@@ -16,16 +16,16 @@ namespace volalign {
 /// 8-bit grey values.
 using GreyImage = Image<std::uint8_t>;
 
-/// A square pattern on white paper, in the middle of a side of the structure. Seen from outside,
-/// its columns run along the side's axis_u and its rows against axis_v.
+/// A square pattern on white paper in the middle of a side. Seen from outside, its columns run
+/// along the side's axis_u and its rows against axis_v.
 struct MarkerPrint {
   int label = 0;    ///< of the side
-  GreyImage cells;  ///< 0 is black; its own black border included
+  GreyImage cells;  ///< 0 is black; includes its own black border
 };
 
-/// How an infrared picture is made. The defaults were set before any result was looked at, from
-/// what stereo depth cameras' left imagers are: global shutter, 8 bits, pixels of 3 um that hold
-/// some thousand electrons, a lens that is sharp to about a pixel.
+/// Properties of an infrared picture. The defaults were set before any result was seen, from the
+/// left imagers of stereo depth cameras. These have a global shutter, 8 bits, pixels of 3 um for
+/// some thousand electrons, and a lens that is sharp to about a pixel.
 struct InfraredConfig {
   double marker_m = 0.16;
   double quiet_zone_m = 0.025;
@@ -54,8 +54,8 @@ struct InfraredConfig {
   }
 };
 
-/// What an infrared camera at a depth sensor's place sees of a scene with markers on the structure,
-/// in the pass that draws depth and labels, shaded: matt surfaces under room light and a lamp at
+/// The view of an infrared camera at a depth sensor's place, with markers on the structure. It is
+/// drawn in the pass for depth and labels, and shaded: matt surfaces under room light and a lamp at
 /// the camera, automatic exposure, blur, shot and read noise. The dots of a stereo sensor's
 /// projector are left out. `built`: the structure that was drawn. Random stage "infrared".
 GreyImage RenderInfrared(const SceneMesh& mesh, const Structure& built,

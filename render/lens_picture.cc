@@ -11,7 +11,7 @@
 namespace volalign {
 namespace {
 
-/// Pixels of the pinhole picture for one of the image's middle, along an axis.
+/// Pixels of the pinhole picture per pixel in the middle of the image, along an axis.
 constexpr double kOversampling = 2;
 /// Pixels of the pinhole picture beyond the outermost rays.
 constexpr double kRim = 2;
@@ -21,19 +21,20 @@ struct Hit {
   std::uint32_t id = 0;
 };
 
-/// Depth at which the ray (x, y, 1) meets the plane of the face. Outside its polygon (OpenGL snaps
-/// corners to 1/256 px) a plane seen edge-on may reach anywhere: z stays in the face's range.
+/// Depth at which the ray (x, y, 1) meets the plane of the face. Outside of its polygon (OpenGL
+/// snaps corners to 1/256 px), a plane seen edge-on has any depth. So z is limited to the face's
+/// range.
 float DepthOf(const FaceCorner& face, const Eigen::Vector3f& ray) {
   const float inverse = face.inverse_plane.dot(ray);
   return inverse > 0 ? std::clamp(1 / inverse, face.z_min, face.z_max) : face.z_max;
 }
 
-/// Whether the ray (x, y, 1) passes through the face, a convex polygon in front of the camera at
-/// least in part: it is on the inner side of the planes through the eye and each edge.
+/// Does the ray (x, y, 1) pass through the face, a convex polygon that is at least partly in front
+/// of the camera? The ray has to be on the inner side of the planes through the eye and each edge.
 bool Meets(const FaceCorner* corners, const Eigen::Vector3f& ray) {
   if (!(corners->inverse_plane.dot(ray) > 0)) return false;
-  // The order of the corners around n / h, which points away from the eye. Two neighbours may be
-  // one point, the ends of both diagonals never are.
+  // The order of the corners around n / h, which points away from the eye. Two adjacent corners may
+  // be equal, but not the ends of a diagonal.
   const float order = (corners[2].position - corners[0].position)
                           .cross(corners[3].position - corners[1].position)
                           .dot(corners->inverse_plane);
@@ -66,7 +67,7 @@ class LensPainter {
       if (hit.depth < best.depth) best = hit;
     }
     const bool open = std::find(near.begin(), near.end(), 0U) != near.end();
-    // A crack between faces that touch: whatever the nearest pixel shows.
+    // A crack between faces that touch: takes the nearest pixel's face.
     if (best.id == 0 && !open) {
       return HitOf(Id(static_cast<int>(std::lround(u)), static_cast<int>(std::lround(v))), ray);
     }

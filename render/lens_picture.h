@@ -12,7 +12,7 @@ namespace volalign {
 
 struct RenderedView;
 
-/// A corner of a face as it is drawn.
+/// A corner of a face for drawing.
 struct FaceCorner {
   Eigen::Vector3f position;       ///< sensor frame, m
   Eigen::Vector3f inverse_plane;  ///< n / h of the face n . p = h, sensor frame
@@ -20,9 +20,9 @@ struct FaceCorner {
   std::uint32_t id;               ///< label << 16 | 1 + face index
 };
 
-/// How a camera is drawn from a picture that names the face of each pixel: without a lens from its
-/// own; with one, a pinhole picture of its whole field of view says which faces a pixel may see,
-/// and the pixel's own ray which one it does see, and where.
+/// Plan for drawing a camera from a picture of each pixel's face. Without a lens, it is the
+/// camera's own. With a lens, it is a pinhole picture of its whole field of view, which gives the
+/// candidates for a pixel. The pixel's own ray decides the face and the depth.
 struct LensPicture {
   Intrinsics lens;
   Intrinsics pinhole;                         ///< of the pinhole picture
@@ -34,10 +34,9 @@ struct LensPicture {
 LensPicture PlanLensPicture(const Intrinsics& lens);
 
 /// Fills the view, whose images have the lens's size. `ids` are FaceCorner::id of the pinhole
-/// picture's pixels, 0 where nothing is; the face of index i has its four corners in `corners` from
+/// picture's pixels, 0 without a face. The face of index i has four corners in `corners`, from
 /// first_corner[i] on. Depth is where a pixel's ray meets the face's plane, exact to float
-/// rounding, and silhouettes are those of the faces' polygons, but for what is smaller than a pixel
-/// of the pinhole picture.
+/// rounding. Silhouettes are exact, except for details smaller than a pixel of the pinhole picture.
 void DrawThroughLens(const LensPicture& picture, const std::vector<std::uint32_t>& ids,
                      const std::vector<FaceCorner>& corners,
                      const std::vector<std::uint32_t>& first_corner, RenderedView* view);

@@ -18,8 +18,8 @@ namespace {
 
 constexpr double kRealSenseWidth = 1280;  // px, of the depth image at full resolution
 
-/// A stereo camera of 1280 px whose focal length is that of its intrinsics. The noise in disparity
-/// is the D415's, the only one that was measured.
+/// A stereo camera of 1280 px with the focal length of its intrinsics. The noise in disparity is
+/// the D415's, the only one that was measured.
 StereoModel RealSense(double baseline_m, const Intrinsics& intrinsics) {
   StereoModel model;
   model.native_width = kRealSenseWidth;
@@ -29,12 +29,12 @@ StereoModel RealSense(double baseline_m, const Intrinsics& intrinsics) {
 
 using SensorModel = std::variant<TofModel, StereoModel>;
 
-/// Its narrow modes light a hexagon; the wide ones, whose pictures are square, all of the picture.
+/// Narrow modes light a hexagon. Wide ones, with square pictures, light all of the picture.
 SensorModel AzureKinect(const Intrinsics& intrinsics) {
   return TofModel{/*hexagon=*/intrinsics.width != intrinsics.height};
 }
 
-/// A kind of sensor: those whose pool name begins with the prefix.
+/// A kind of sensor: its pool names begin with the prefix.
 struct ModelledKind {
   const char* prefix;
   SensorModel (*model)(const Intrinsics& intrinsics);
@@ -57,7 +57,7 @@ constexpr std::array<ModelledKind, 8> kKinds = {{
      }},
 }};
 
-/// None for a sensor without a model.
+/// Null for a sensor without a model.
 const ModelledKind* KindOf(const std::string& sensor) {
   const auto found = std::find_if(kKinds.begin(), kKinds.end(), [&](const ModelledKind& kind) {
     return sensor.rfind(kind.prefix, 0) == 0;

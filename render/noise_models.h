@@ -11,23 +11,23 @@
 
 namespace volalign {
 
-/// px, of the pictures that the figures of the models are for.
+/// px, width of the pictures for which the models' parameters are given.
 inline constexpr double kReferenceWidth = 320;
 
-/// A number of a range, uniform.
+/// A uniform number within a range.
 inline double Draw(const double (&range)[2], RandomStream& random) {
   return random.Uniform(range[0], range[1]);
 }
 
-/// Paper, "Implementation details": zero depth along the structure's outline and its boxes' depth
-/// edges, and elliptical holes.
+/// The paper's noise ("Implementation details"): zero depth along the structure's outline and its
+/// boxes' depth edges, and elliptical holes.
 NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomStream& random);
 
-/// Rounds depths to the millimetre, as sensors deliver them. Where `keep` is 0 or the depth is not
-/// positive, depth and label become 0.
+/// Rounds depths to the millimetre, as sensors do. If `keep` is 0 or the depth is not positive,
+/// depth and label become 0.
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view);
 
-/// Calls visit(i) for each i < count whose byte is not 0. There are seven bytes more, which are 0.
+/// Calls visit(i) for each i < count whose byte is not 0. There are seven more bytes, which are 0.
 template <class Visit>
 void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& visit) {
   for (int first = 0; first < count; first += 8) {
@@ -42,8 +42,8 @@ void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& 
   }
 }
 
-/// Calls visit(begin, end, face) for each run of pixels that show one face, an index into the
-/// mesh's; not for those that show none.
+/// Calls visit(begin, end, face) for each run of pixels of one face, an index into the mesh's
+/// faces. Pixels without a face are skipped.
 template <class Visit>
 void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
   for (int begin = 0, end = 0; begin < count; begin = end) {
@@ -58,7 +58,7 @@ void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
   }
 }
 
-/// ForEachNeighbourPair, but for pairs that show one face.
+/// ForEachNeighbourPair without pairs of one face.
 template <class Visit>
 void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
   const int width = faces.width(), height = faces.height();
@@ -77,19 +77,19 @@ void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
   }
 }
 
-/// Time of flight (docs/sensor-models.md): white noise that grows with distance and
-/// incidence, a smooth warp, a bias of the frame, multipath in concave corners, gaps and few flying
-/// pixels at depth edges, dark and grazing surfaces lost.
+/// Time of flight (docs/sensor-models.md): white noise that grows with distance and incidence, a
+/// smooth warp, and a bias of the frame. Also multipath in concave corners, gaps and few flying
+/// pixels at depth edges, and lost depth on dark and grazing surfaces.
 struct TofModel {
   bool hexagon = false;  ///< Azure Kinect's illumination mask, valid region |u - u0| <= 175.2 - k
                          ///< |v - v0| at 320x288
 };
-/// `device` is used where it stands, and else drawn. It is the first frame's numbers that a device
-/// keeps, so that a single frame is the same whether its device has others or not.
+/// Uses `device` if it has a value, else draws it. A device keeps the numbers of its first frame,
+/// so that a single frame does not depend on further frames of its device.
 NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream& random,
                    std::optional<TofDevice>* device);
 
-/// What the Azure Kinect's lamp does not light is set to 0 in `keep`: outside of a hexagon about
+/// Sets `keep` to 0 where the Azure Kinect's lamp gives no light: outside of a hexagon about
 /// `centre_u`, px at 320x288.
 void ClearOutsideHexagon(int width, int height, double centre_u, Image<std::uint8_t>* keep);
 double DrawHexagonCentre(RandomStream& random);
@@ -97,7 +97,7 @@ double DrawHexagonCentre(RandomStream& random);
 /// Stereo and structured light (docs/sensor-models.md): noise in disparity, z = f B / d. The
 /// defaults are a D415's.
 struct StereoModel {
-  double native_width = 1280;              ///< px, of the resolution that the next figures are for
+  double native_width = 1280;              ///< px, resolution of the following numbers
   double focal_baseline = 51.9;            ///< f B, px m
   double local_sigma[2] = {0.045, 0.065};  ///< px rms, range drawn from
   double warp_sigma[2] = {0.08, 0.19};     ///< px rms
@@ -107,17 +107,17 @@ struct StereoModel {
 NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomStream& random,
                       std::optional<StereoDevice>* device);
 
-// The noise model "physics" (docs/sensor-models.md): what a sensor does with light, from which its
-// errors follow, instead of errors. `device_seed`: of what a device does alike in all of its
-// frames.
+// The noise model "physics" (docs/sensor-models.md): it simulates the sensor's light, from which
+// errors follow. `device_seed`: of the errors that are the same in all frames of a device.
 
-/// Phasors of two modulation frequencies: mixed at edges, bounced between surfaces, scattered in
-/// the lens, with shot noise; what is too weak, or differs between the frequencies, is lost.
+/// Phasors of two modulation frequencies: mixed at edges, reflected between surfaces, scattered in
+/// the lens, with shot noise. Depth is lost if light is too weak, or differs between the
+/// frequencies.
 NoisyView TofPhysics(const TofModel& model, const NoiseInput& input, std::uint64_t device_seed,
                      RandomStream& random);
 
-/// Two pictures of the textured scene under the projector's dots, of a pair that is calibrated but
-/// nearly, matched block by block.
+/// Block matching of two pictures of the textured scene under the projector's dots, by a pair that
+/// is not perfectly calibrated.
 NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
                         std::uint64_t device_seed, RandomStream& random);
 

@@ -8,12 +8,11 @@
 namespace volalign {
 namespace {
 
-// The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
-// 320 px wide and scale with the width.
-// Foreground as the matching window grows it.
+// The parameters of the model (docs/sensor-models.md has their sources). Lengths in px are for
+// images 320 px wide and scale with the width. Growth of the foreground by the matching window.
 constexpr double kFattenCorrelation = 6;  // px, of the wavy outline
 constexpr float kForegroundStep = 0.05F;  // m, least depth step that counts as foreground
-// Depth edges: a stretch of them loses a strip, some of the others have mixed pixels.
+// Depth edges: some stretches lose a strip, and some others have mixed pixels.
 constexpr float kEdgeStep = 0.06F;                // m, least depth step of an edge
 constexpr double kEdgeLossCorrelation = 15;       // px
 constexpr float kEdgeLossThreshold = 0.75F;       // of a unit normal field
@@ -24,25 +23,25 @@ constexpr float kMixLow = 0.2F, kMixHigh = 0.8F;  // weights of the first pixel 
 constexpr double kWarpCorrelation[2] = {10, 40};          // px
 constexpr double kLocalSigmaU = 1.2, kLocalSigmaV = 0.9;  // px, smoothing of the local noise
 constexpr float kLeastDisparity = 0.5F;                   // px, after the error
-// Whether a pixel finds its match: the sum of these terms has to be positive.
+// A pixel finds its match if the sum of these terms is positive.
 constexpr double kCoarseCorrelation[2] = {40, 100}, kFineCorrelation[2] = {3, 10};  // px
 constexpr float kCoarseWeight = 0.9F, kFineWeight = 0.4F;  // of the two random fields
 constexpr double kQuality[2] = {-0.3, 1.0};          // of a frame, on everything but the structure
 constexpr double kStructureQuality[2] = {2.3, 3.6};  // of a frame, on the structure (cardboard)
 constexpr float kTextureGain = 2.2F, kMeanTexture = 0.45F;
-constexpr float kDistanceLoss = 0.25F, kFullQualityDistance = 2.5F;  // a metre; m
+constexpr float kDistanceLoss = 0.25F, kFullQualityDistance = 2.5F;  // per metre; m
 constexpr float kGrazingLoss = 2.0F, kGrazingCosine = 0.35F;
 constexpr float kSteepLoss = 8.0F, kSteepCosine = 0.22F;
 constexpr double kOcclusionMargin = 0.5;  // px
 
-/// What the left camera's matcher takes a pixel for.
+/// The left view after matching.
 struct MatchedView {
   NoisyView view;
   Image16 faces;  // as RenderedView's
 };
 
-/// What the matcher sees: foreground grown by about a pixel, wavily. Labels follow the surface
-/// whose depth is taken. Draws the device's outlines where `known` is false.
+/// Grows the foreground by about a pixel, with a wavy outline. Labels follow the surface that gives
+/// the depth. Draws the device's outlines if `known` is false.
 MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStream& random,
                    StereoDevice* device) {
   const int width = view.depth.width(), height = view.depth.height();
@@ -75,8 +74,8 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
   return out;
 }
 
-/// Mixes both surfaces in some pixels at depth edges and clears strips along others, besides what
-/// half-occlusion takes.
+/// Mixes both surfaces in some pixels at depth edges and clears strips along others, in addition to
+/// half-occlusion.
 void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
                 Image<std::uint8_t>* keep) {
   DepthImage& depth = matched->view.depth;
@@ -103,7 +102,7 @@ void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
 }
 
 /// Error of the disparity at the model's native resolution, px: local noise and a smooth warp.
-/// Draws the device's part where `known` is false.
+/// Draws the device's part if `known` is false.
 Image<float> DisparityError(const StereoModel& model, int width, int height, double scale,
                             bool known, RandomStream& random, StereoDevice* device) {
   if (!known) {
@@ -124,15 +123,14 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
   return error;
 }
 
-/// Of a face, what the matcher depends on.
+/// Properties of a face for the matcher.
 struct FaceInfo {
   float height;         // distance of the eye from the plane, m
   float confidence;     // before distance and incidence
-  float distance_loss;  // of confidence, a metre
+  float distance_loss;  // of confidence, per metre
 };
 
-/// Whether a pixel finds its match: texture has to outweigh distance, incidence and two random
-/// fields.
+/// Does a pixel find its match? Texture has to outweigh distance, incidence and two random fields.
 class MatchConfidence {
  public:
   MatchConfidence(int width, int height, double scale, RandomStream& random)
@@ -170,8 +168,8 @@ class MatchConfidence {
   float quality_, structure_quality_;
 };
 
-/// Matches each pixel of the left image with the right one: adds the disparity's error to the
-/// depth and clears in `keep` what finds no match.
+/// Matches each pixel of the left image with the right one. Adds the disparity's error to the depth
+/// and clears `keep` of pixels without a match.
 void Match(const StereoModel& model, const NoiseInput& input, double scale,
            const MatchConfidence& confidence, const Image<float>& disparity_error,
            MatchedView* matched, Image<std::uint8_t>* keep) {
@@ -192,7 +190,7 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
   row.image_fb = static_cast<float>(model.focal_baseline * width / model.native_width);
   row.largest_disparity = static_cast<float>(model.largest_disparity * width / model.native_width);
   row.margin = static_cast<float>(kOcclusionMargin * scale);
-  // The matcher has nothing to compare the first row with.
+  // The matcher cannot compare the first row.
   std::fill_n(keep->begin(), width, std::uint8_t{0});
   for (int v = 1; v < height; ++v) {
     const std::size_t first = static_cast<std::size_t>(v) * columns;

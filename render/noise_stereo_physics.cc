@@ -12,28 +12,28 @@ namespace volalign {
 namespace {
 
 constexpr int kWindow = 4;          // px to each side: 9x9, as Intel's presets of the D415
-constexpr int kMostDecimation = 4;  // native pixels along each side of one that is delivered
-/// For 1 to 4 native pixels along each side of a delivered one: the column that is matched in each
-/// row. Each column is matched once, so that the mean is about the middle.
+constexpr int kMostDecimation = 4;  // native pixels along each side of an output pixel
+/// For 1 to 4 native pixels along each side of an output pixel: the column that is matched in each
+/// row. Each column is matched once, so the mean is near the middle.
 constexpr std::array<std::array<int, kMostDecimation>, kMostDecimation> kMatched = {
     {{0}, {1, 0}, {1, 0, 2}, {1, 3, 0, 2}}};
-constexpr int kSearch = 3;  // px about the disparities of what lies within the window
-// A match is taken where no other one, more than a pixel away, is nearly as good, and where the
-// right picture shows the same surface there.
+constexpr int kSearch = 3;  // px about the disparities within the window
+// A match is taken if no other one, more than a pixel away, is nearly as good, and if the right
+// picture shows the same surface there.
 constexpr float kUniqueness = 0.95F;
 constexpr float kLeftRight = 1;  // px
-// The picture: a surface's texture, of grains of these sizes, and a projector's dots upon it; noise
-// of the imager. Brightness is about 0.5.
+// The picture: a surface's texture, with grains of these sizes, a projector's dots, and the
+// imager's noise. Brightness is about 0.5.
 constexpr std::array<float, 3> kGrains = {0.004F, 0.012F, 0.04F};  // m
 constexpr float kTexture = 0.25F, kPlain = 0.02F;                  // of texture 1 and 0
 constexpr float kDotPitch = 6, kDotRadius = 1.3F;                  // native px
 constexpr float kDots = 0.35F;                                     // at 1 m; falls with 1/z
 constexpr float kImagerNoise = 0.012F;
-// What calibration leaves of the pair (standard deviations, native px): rows that do not meet, by
-// an offset and a slope, and a shift along them by a polynomial of the second order.
+// Remaining errors of the pair's calibration (standard deviations, native px). Rows miss each other
+// by an offset and a slope, and are shifted by a polynomial of the second order.
 constexpr double kRowError = 0.15, kShiftError = 0.06;
 
-/// In [0, 1), of three whole numbers.
+/// A number in [0, 1) from three whole numbers.
 float Hash(std::int32_t x, std::int32_t y, std::uint32_t salt) {
   std::uint64_t bits = static_cast<std::uint64_t>(static_cast<std::uint32_t>(x)) << 32 |
                        static_cast<std::uint32_t>(y);
@@ -43,7 +43,7 @@ float Hash(std::int32_t x, std::int32_t y, std::uint32_t salt) {
   return static_cast<float>((bits ^ (bits >> 31)) >> 40) * 0x1.0p-24F;
 }
 
-/// Between hashes of the corners of unit cells, about zero.
+/// Interpolates hashes at the corners of unit cells; zero mean.
 float ValueNoise(float x, float y, std::uint32_t salt) {
   const float fx = std::floor(x), fy = std::floor(y);
   const auto i = static_cast<std::int32_t>(fx), j = static_cast<std::int32_t>(fy);
@@ -53,7 +53,7 @@ float ValueNoise(float x, float y, std::uint32_t salt) {
          t * ((1 - s) * Hash(i, j + 1, salt) + s * Hash(i + 1, j + 1, salt)) - 0.5F;
 }
 
-/// One dot in each cell, somewhere in it.
+/// One dot at a random place in each cell.
 float DotPattern(float x, float y) {
   const auto i = static_cast<std::int32_t>(std::floor(x / kDotPitch));
   const auto j = static_cast<std::int32_t>(std::floor(y / kDotPitch));
@@ -68,7 +68,7 @@ float DotPattern(float x, float y) {
   return sum;
 }
 
-/// What calibration leaves of a pair of cameras; x and y are -1 to 1 over the picture.
+/// Remaining errors of a pair's calibration; x and y are -1 to 1 over the picture.
 struct Misalignment {
   std::array<double, 3> rows{};
   std::array<double, 6> shift{};
@@ -84,7 +84,7 @@ struct Misalignment {
   }
 };
 
-/// The pair's pictures, at the native resolution, and what lies where.
+/// The pair's pictures at the native resolution, with their surfaces.
 class Pair {
  public:
   Pair(const StereoModel& model, const NoiseInput& input, const Misalignment& misalignment,
@@ -115,13 +115,13 @@ class Pair {
 
   int factor() const { return factor_; }
   float baseline() const { return baseline_; }
-  /// Of the surface at a native pixel of the left picture; 0 and -1 where there is none.
+  /// The surface at a native pixel of the left picture; 0 and -1 if there is none.
   float Disparity(int x, int y) const { return disparity_(x, y); }
   int Face(int x, int y) const { return faces_(x, y); }
   const Subpixels& subpixels() const { return subpixels_; }
 
   /// The disparity, px, at which the window about (x, y) of the left picture fits the right one
-  /// best; 0 where none is taken.
+  /// best; 0 for no match.
   float Match(int x, int y, float largest) const {
     if (x < kWindow || y < kWindow || x + kWindow >= width_ || y + kWindow >= height_) return 0;
     candidates_.clear();
@@ -176,8 +176,8 @@ class Pair {
     left_(x, y) = Brightness(face, z * ray);
   }
 
-  /// Follows the left picture's rows, run by run of one face, to where the right camera sees them;
-  /// the nearest counts. What the left one does not see has a texture of its own.
+  /// Projects the left picture's rows into the right picture, run by run of one face; the nearest
+  /// surface counts. Parts that the left camera does not see have their own texture.
   void DrawRight(int y, const Misalignment& misalignment) {
     for (int x = 0; x < width_; ++x)
       right_(x, y) = 0.5F + kTexture * ValueNoise(0.3F * static_cast<float>(x),
@@ -194,7 +194,7 @@ class Pair {
       for (int x = std::max(from, 0); x <= std::min(to, width_ - 1); ++x) {
         const double u = 2.0 * x / width_ - 1;
         const double shifted = x - misalignment.Shift(u, v), row = y - misalignment.Rows(u, v);
-        // Where the left picture has what this one has at x: disparities change slowly along a row.
+        // The left picture's place of x: disparities change slowly along a row.
         double source = shifted + Along(face, shifted, row);
         for (int step = 0; step < 2; ++step) source = shifted + Along(face, source, row);
         if (source < begin - 0.5 || source > end - 0.5) continue;
@@ -265,7 +265,7 @@ NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
   NoisyView out{DepthImage(width, height), LabelImage(width, height)};
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) {
-      // A pixel is the mean of native ones (librealsense, "post-processing filters").
+      // An output pixel is the mean of native ones (librealsense, "post-processing filters").
       float sum = 0;
       int count = 0;
       std::uint8_t label = 0;
@@ -278,7 +278,7 @@ NoisyView StereoPhysics(const StereoModel& model, const NoiseInput& input,
         if (d == 0) continue;
         sum += pair.baseline() / d;
         ++count;
-        // The window's surface that was matched.
+        // The surface in the window that was matched.
         for (int q = y - kWindow; q <= y + kWindow; q += kWindow) {
           for (int p = x - kWindow; p <= x + kWindow; p += kWindow) {
             const float off = std::abs(pair.Disparity(p, q) - d);

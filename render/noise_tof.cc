@@ -9,13 +9,13 @@
 namespace volalign {
 namespace {
 
-// The figures of the model (docs/sensor-models.md has their sources). Lengths in px are for images
-// 320 px wide and scale with the width. A pair is the range that one number a frame is drawn from.
+// The parameters of the model (docs/sensor-models.md has their sources). Lengths in px are for
+// images 320 px wide and scale with the width. A pair is the range of one number per frame.
 constexpr double kTofWidth = 320, kTofHeight = 288;
 // Depth error.
 constexpr double kBias[2] = {-0.011, 0.011};                         // m
 constexpr double kWhiteGain[2] = {0.75, 1.25};                       // of the white noise
-constexpr float kWhiteNoise = 0.00012F, kWhiteNoiseSlope = 0.0001F;  // m, m a metre
+constexpr float kWhiteNoise = 0.00012F, kWhiteNoiseSlope = 0.0001F;  // m, m per metre
 constexpr double kGrainSigma = 0.62;                                 // px, its smoothing
 constexpr float kLeastNoiseCosine = 0.15F;  // white noise grows no further at steeper incidence
 constexpr double kWarpRms[2] = {0.0014, 0.0056};  // m
@@ -25,30 +25,30 @@ constexpr double kMultipath[2] = {0, 0.025};      // m, too far at a concave sea
 constexpr double kFill[2] = {0, 0.02};            // m, too near in the corner itself
 constexpr float kMultipathReach = 0.3F;           // m from the seam
 constexpr float kFillReach = 0.06F;  // m, of the spatial filter that rounds concave corners
-constexpr double kSeamRise = 0.02;   // m by which a box has to rise in front of a face
+constexpr double kSeamRise = 0.02;   // m: least rise of a box in front of a face
 // Weak returns.
 constexpr double kAmplitudeThreshold[2] = {0.001, 0.004};  // reflectivity cos / m^2, log-uniform
 constexpr double kPatchCorrelation[2] = {10, 30};          // px
 constexpr double kPatchLimit[2] = {1.2, 2.1};              // of a unit normal field, beyond: lost
-constexpr float kStructurePatchLimit = 1.3F;               // more of it on the structure
+constexpr float kStructurePatchLimit = 1.3F;               // higher on the structure
 constexpr float kPatchWave = 0.125F;  // of the threshold; its 4th power is close to exp(patch / 2)
 constexpr float kFarthest = 16.0F;    // m
-constexpr double kSpeckles = 25.0, kSpeckleGain[2] = {0.2, 2.0};  // mean number a frame
+constexpr double kSpeckles = 25.0, kSpeckleGain[2] = {0.2, 2.0};  // mean number per frame
 constexpr double kSpeckleRadius[2] = {0.7, 3};                    // px
 // Depth edges.
 constexpr double kEdgeCorrelation = 25;                  // px along which gaps are alike
 constexpr float kLeastJump = 0.08F, kJumpRange = 0.22F;  // m; gaps are full from 0.3 m on
-constexpr float kGapDistance = 3.0F;  // m; gaps grow with the far depth, and are as stated here
+constexpr float kGapDistance = 3.0F;  // m, far depth at which gaps are as stated; they grow with it
 constexpr float kLeastGapGain = 0.5F, kMostGapGain = 1.2F;
 constexpr float kFlyingShare = 0.09F;  // of the edges without a gap: 3 % of all edges
-constexpr float kMixedJump = 0.3F;     // m, least jump of a mixed pixel that the vendor detects
+constexpr float kMixedJump = 0.3F;     // m, least jump of mixed pixels that the vendor detects
 constexpr float kMixedLow = 0.15F, kMixedHigh = 0.85F;  // its depth between the neighbours'
 constexpr float kMixedDetected = 0.7F;                  // share of them that is dropped
 // Azure Kinect's illumination: |u - u0| <= half width - slope |v - v0| at 320x288.
 constexpr double kHexagonCentreU[2] = {158, 170}, kHexagonCentreV = 147.6;
 constexpr double kHexagonHalfWidth = 175.2, kHexagonSlopeAbove = 0.557, kHexagonSlopeBelow = 0.600;
 
-/// Face data that every pixel needs.
+/// Properties of a face that every pixel needs.
 struct TofFace {
   float height = 0;        // distance of the eye from the plane, m
   float reflectivity = 0;  // 0..1
@@ -64,9 +64,9 @@ struct SeamBox {
   Eigen::Matrix3f box_from_structure;
   Eigen::Vector3f centre;
   Eigen::Vector3f half;
-  float reach_squared;  // of the sphere around it that holds all points within kMultipathReach
+  float reach_squared;  // of the sphere around it that contains all points within kMultipathReach
 
-  /// How far the box reaches along n, from the origin, m.
+  /// Extent of the box along n from the origin, m.
   float Support(const Eigen::Vector3f& n) const {
     return n.dot(centre) + (box_from_structure * n).cwiseAbs().dot(half);
   }
@@ -80,8 +80,8 @@ struct SeamBox {
   }
 };
 
-/// Width in px (at 320) of the run of lost pixels at a depth edge whose quantile is q: 0 px 33 %, 1
-/// px 16 %, 2 px 19 %, 3 px 11 %, 4 to 12 px 21 %.
+/// Width in px (at 320) of the run of lost pixels at a depth edge. `q` is its quantile: 0 px 33 %,
+/// 1 px 16 %, 2 px 19 %, 3 px 11 %, 4 to 12 px 21 %.
 float GapWidth(float q) {
   if (q < 0.33F) return 0;
   if (q < 0.49F) return 1;
@@ -130,7 +130,7 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
   return infos;
 }
 
-/// Gaps along depth edges, and flying pixels where there is no gap.
+/// Makes gaps along depth edges, and flying pixels where there is no gap.
 void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
                 Image<std::uint8_t>* keep) {
   const int width = clean.depth.width(), height = clean.depth.height();
@@ -162,7 +162,7 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
   });
 }
 
-/// The vendor invalidates most pixels that mix two surfaces: at mid-depth between neighbours.
+/// The vendor removes most pixels that mix two surfaces: those at mid-depth between neighbours.
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
   const PixelRandom pixel(random);
   const int width = depth.width();
@@ -180,7 +180,7 @@ void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::u
   }
 }
 
-/// What one frame has of each effect.
+/// One frame's part of each effect.
 struct FrameNoise {
   TofDevice device;
   Image<float> patches;  // a unit normal field
@@ -210,7 +210,7 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
   return frame;
 }
 
-/// Adds the depth errors of `frame`, and clears in `keep` what returns too little light.
+/// Adds the depth errors of `frame`, and clears `keep` where too little light returns.
 void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* depth,
                   Image<std::uint8_t>* keep) {
   const RenderedView& view = input.view;
@@ -276,7 +276,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   }
 }
 
-/// Clears small ellipses anywhere.
+/// Clears small ellipses at random places.
 void ClearSpeckles(double scale, RandomStream& random, Image<std::uint8_t>* keep) {
   const int width = keep->width(), height = keep->height();
   const int speckles = DrawPoisson(kSpeckles * Draw(kSpeckleGain, random) * width * height /

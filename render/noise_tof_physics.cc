@@ -14,33 +14,34 @@ namespace {
 
 using Phasor = std::complex<float>;
 // Modulation frequencies: the two higher ones of a Kinect v2 (Sell and O'Connor, "The Xbox One
-// system on a chip and Kinect sensor", IEEE Micro 2014). Whole turns, for which it has a third one,
-// are taken to be counted rightly.
+// system on a chip and Kinect sensor", IEEE Micro 2014). It has a third one for whole turns, which
+// are assumed to be counted correctly.
 constexpr std::array<double, 2> kFrequencies = {80e6, 120e6};  // Hz
 using Tones = std::array<Phasor, kFrequencies.size()>;
 constexpr double kLightSpeed = 299792458;  // m/s
 constexpr int kSubRays = 3;                // of a pixel at an edge, along each axis
-// Shot noise of the lamp's light and of the room's: a face of reflectivity 0.6 at 2 m has 0.4 mm of
-// white noise, as an Azure Kinect measures it (docs/sensor-models.md).
+// Shot noise of the lamp's light and of the room's. A face of reflectivity 0.6 at 2 m has 0.4 mm of
+// white noise, as measured with an Azure Kinect (docs/sensor-models.md).
 constexpr float kShotNoise = 0.0008F, kRoomLight = 0.03F;
-// What a factory's calibration leaves (standard deviations, m): an offset of the device, harmonics
-// that four samples of a period alias, an offset of each pixel.
+// Remaining errors of the factory's calibration (standard deviations, m): an offset of the device,
+// harmonics that four samples per period alias, and an offset of each pixel.
 constexpr double kOffset = 0.004, kWiggling = 0.0015, kPixelOffset = 0.0003;
-// Light that is scattered between lens and chip: its share, and over how many px it falls to 1/e.
+// Light that is scattered between lens and chip: its share, and the distance in px at which it
+// falls to 1/e.
 constexpr double kScattered[2] = {0.001, 0.006}, kScatterReach[2] = {20, 60};
 constexpr int kScatterCell = 8;  // px
-// Light that bounces once more: from patches of so many px, at every so many pixels, and the least
-// share of what comes straight that counts. Surfaces are not all matt, and the lamp does not light
-// all that the sensor sees: a share of it, with which the sides of the lowest box lean by 8 to 17
-// mm, as they do in real frames (docs/sensor-models.md).
+// Light that is reflected once more: from patches of so many px, at every so many pixels, and its
+// least share of direct light to count. Surfaces are not all matt, and the lamp does not light all
+// of the view. So a share is used with which the sides of the lowest box lean by 8 to 17 mm, as in
+// real frames (docs/sensor-models.md).
 constexpr double kBounced[2] = {0.1, 0.4};
 constexpr int kPatch = 8, kBounceStep = 4;
 constexpr float kLeastBounce = 2e-5F;
 constexpr double kLeastAmplitude[2] = {0.001, 0.004};  // reflectivity cos / m^2, log-uniform
-constexpr double kMostDisagreement = 0.06;             // m, of the two tones, in what is delivered
-constexpr double kFlying = 0.03;  // m off its pixel's surface: a mixture, which has no label
+constexpr double kMostDisagreement = 0.06;             // m, of the two tones, in a delivered pixel
+constexpr double kFlying = 0.03;  // m from its pixel's surface: a mixture without a label
 
-/// The phases that a path of this length has turned through, times an amplitude.
+/// The phases of a path of this length, times an amplitude.
 Tones OfPath(float amplitude, double metres) {
   Tones tones;
   for (std::size_t k = 0; k < tones.size(); ++k) {
@@ -85,15 +86,15 @@ struct LitPoint {
         cosine(std::max(0.0F, -normal.dot(point) / range)),
         reflectivity(subpixels.face(face).object->reflectivity) {}
 
-  /// Of the light that comes back, which a lamp of 1 at 1 m sends.
+  /// Amplitude of returning light, for a lamp of 1 at 1 m.
   float Amplitude() const { return reflectivity * cosine / (range * range); }
 };
 
-/// The light that a sensor sees: straight, mixed at edges, and bounced once between surfaces that
-/// it sees (all matt).
+/// The light at a sensor: direct, mixed at edges, and reflected once between matt surfaces that it
+/// sees.
 class LightField {
  public:
-  /// `bounced`: share of the bounced light that there is.
+  /// `bounced`: share of the reflected light.
   LightField(const NoiseInput& input, const Subpixels& subpixels, double bounced)
       : faces_(input.view.faces),
         subpixels_(subpixels),
@@ -150,7 +151,7 @@ class LightField {
     return OfPath(lit.Amplitude(), 2 * lit.range);
   }
 
-  /// What patches throw onto a pixel's surface, by their form factors.
+  /// Light that patches reflect onto a pixel's surface, by their form factors.
   Tones Bounced(int u, int v) const {
     Tones sum{};
     const LitPoint to(subpixels_, faces_(u, v) - 1, subpixels_.Ray(u, v));
@@ -168,7 +169,7 @@ class LightField {
     return sum;
   }
 
-  /// Between the points of the grid where they show the pixel's face.
+  /// Interpolates between grid points, if they show the pixel's face.
   Tones Interpolated(int u, int v) const {
     const int i = u / kBounceStep, j = v / kBounceStep;
     const auto s = static_cast<float>(u % kBounceStep) / kBounceStep;
@@ -200,7 +201,7 @@ class LightField {
   std::vector<Tones> grid_;
 };
 
-/// Adds to each pixel what lens and chip throw there from all others.
+/// Adds the light that lens and chip scatter from all other pixels to each pixel.
 void Scatter(const Device& device, double scale, int width, int height, std::vector<Tones>* light) {
   const int columns = (width - 1) / kScatterCell + 1, rows = (height - 1) / kScatterCell + 1;
   const auto count = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
@@ -216,7 +217,7 @@ void Scatter(const Device& device, double scale, int width, int height, std::vec
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < width; ++u) Add(1, (*light)[pixel(u, v)], &cells[cell(u, v)]);
   }
-  // A density that falls exponentially with the distance has 2 pi reach^2 of it in all.
+  // A density that falls exponentially with distance has the integral 2 pi reach^2.
   const double reach = device.scatter_reach * scale;
   const double density = device.scattered / (2 * M_PI * reach * reach);
   std::vector<float> kernel(count);

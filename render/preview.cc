@@ -35,7 +35,7 @@ bool IsStereo(const std::string& sensor) {
   return sensor.rfind("realsense", 0) == 0 || sensor.rfind("kinect_v1", 0) == 0;
 }
 
-/// Frames of each configured sensor.
+/// Reads the frames of each configured sensor.
 std::map<std::string, std::vector<RealFrame>> ReadRealFrames(const PreviewOptions& options,
                                                              const SampleContext& context) {
   std::map<std::string, std::vector<RealFrame>> frames;
@@ -88,7 +88,7 @@ std::map<std::string, std::vector<RealFrame>> ReadRealFrames(const PreviewOption
   return frames;
 }
 
-/// The pool's entry of a sensor whose aspect ratio a size has; null without one.
+/// The pool's entry of a sensor with the aspect ratio of a size, or null.
 const IntrinsicsPoolEntry* FindEntry(const SampleContext& context, const std::string& sensor,
                                      ImageSize size) {
   for (const IntrinsicsPoolEntry& entry : context.pool) {
@@ -97,7 +97,7 @@ const IntrinsicsPoolEntry* FindEntry(const SampleContext& context, const std::st
   return nullptr;
 }
 
-/// The size of the sensor's real frames, or those of the configuration's sizes that it fits.
+/// The size of the sensor's real frames, or the configuration's sizes that fit it.
 std::vector<std::string> SizesOf(const std::string& sensor, const SampleContext& context,
                                  const std::vector<RealFrame>& real) {
   if (!real.empty()) {
@@ -186,7 +186,7 @@ std::string WritePreview(const fs::path& dir, const SampleConfig& config,
     SampleConfig one = config;
     one.sensors = {sensor};
     one.image_sizes = SizesOf(sensor, base, real[sensor]);
-    if (one.image_sizes.empty()) continue;  // of the whole pool, it fits no size
+    if (one.image_sizes.empty()) continue;  // a sensor of the whole pool that fits no size
     tables +=
         PreviewSensor(sensor, real[sensor], MakeSampleContext(one, 1), options, renderer, &sheet);
   }

@@ -8,12 +8,12 @@
 
 namespace volalign {
 
-/// What a renderer has worked out for the intrinsics that it drew last, so that a pool's lenses
-/// need not be inverted for each picture.
+/// A renderer's tables for recent intrinsics, so that a pool's lenses are not inverted for each
+/// picture.
 template <class T>
 class RecentLenses {
  public:
-  /// `make` gives the T of intrinsics that are new. The reference is valid until the next call.
+  /// `make` gives the T of new intrinsics. The reference is valid until the next call.
   template <class Make>
   const T& Get(const Intrinsics& intrinsics, const Make& make) {
     const auto known = std::find_if(recent_.begin(), recent_.end(), [&](const Entry& entry) {

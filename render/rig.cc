@@ -21,10 +21,10 @@
 namespace volalign {
 namespace {
 
-// Rigs draw from indices of their own, so that no rig repeats a training sample's room.
+// Rigs have their own indices, so that no rig repeats a training sample's room.
 constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 
-// Between the draws of one still and the next; larger than any number of sensors.
+// Distance between the draws of two captures, larger than any number of sensors.
 constexpr std::uint64_t kStillStride = std::uint64_t{1} << 32;
 
 constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
@@ -49,7 +49,7 @@ Intrinsics Deviating(Intrinsics intrinsics, double spread, std::uint64_t seed,
   std::vector<double>& k = intrinsics.distortion;  // k1 k2 p1 p2 k3 k4 k5 k6
   if (k.empty()) k.assign(4, 0);
   constexpr double kR2 = kSpreadRadius * kSpreadRadius;
-  // The radial factor is numerator / denominator, and k1 r^2 a term of the numerator.
+  // The radial factor is numerator / denominator, and k1 r^2 is a term of the numerator.
   const double k3 = k.size() > 4 ? k[4] : 0;
   k[0] += radial * (1 + kR2 * (k[0] + kR2 * (k[1] + kR2 * k3))) / kR2;
   return intrinsics;
@@ -61,7 +61,7 @@ struct BuiltPlacement {
   Pose first_from_placement = Pose::Identity();
 };
 
-/// The first placement and the further ones, each built up anew from boxes of one size.
+/// The first placement and the further ones, each stacked again from boxes of one size.
 std::vector<BuiltPlacement> BuildPlacements(const Rig& rig, const Structure& nominal) {
   std::vector<BuiltPlacement> all;
   all.push_back({Assemble(nominal, rig.assembly, rig.seed, kRigIndex), Pose::Identity()});
@@ -78,7 +78,7 @@ std::vector<BuiltPlacement> BuildPlacements(const Rig& rig, const Structure& nom
   return all;
 }
 
-/// What all stills of a rig have in common; poses in the frame of the first placement.
+/// The common parts of a rig's captures; poses in the frame of the first placement.
 struct RigScene {
   std::vector<Pose> first_from_sensors;
   SceneMesh mesh;  ///< with the structure at its first place, without tripods
@@ -119,8 +119,7 @@ RigScene BuildRigScene(const Rig& rig, const Structure& nominal,
   return out;
 }
 
-/// How a sensor stands in the frame of the first placement while the structure is at its k-th
-/// place.
+/// Pose of a sensor in the frame of the first placement while the structure is at its k-th place.
 Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::size_t i) {
   Pose pose = scene.first_from_sensors[i];
   if (k == 0) return pose;
@@ -130,7 +129,7 @@ Pose FirstFromSensor(const Rig& rig, const RigScene& scene, std::size_t k, std::
   return pose;
 }
 
-/// At the pool's largest size of the same aspect ratio.
+/// The infrared intrinsics, at the pool's largest size with the same aspect ratio.
 Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
                               const std::vector<IntrinsicsPoolEntry>& pool) {
   ImageSize size{sensor.intrinsics.width, sensor.intrinsics.height};
@@ -144,7 +143,7 @@ Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
   return sensor.intrinsics.Resized(size.width, size.height);
 }
 
-/// A sensor with everything but its images.
+/// A sensor without its images.
 CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<IntrinsicsPoolEntry>& pool) {
   const std::uint64_t index = kRigIndex + i;
   CapturedSensor sensor;
@@ -157,7 +156,7 @@ CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<Intrinsic
   return sensor;
 }
 
-/// A board before each sensor (Rig::hidden_share).
+/// Puts a board before each sensor (Rig::hidden_share).
 void AppendBoards(const Rig& rig, const Structure& built,
                   const std::vector<CapturedSensor>& devices, RigScene* scene) {
   if (!(rig.hidden_share > 0) || !rig.structure_present) return;
@@ -168,7 +167,7 @@ void AppendBoards(const Rig& rig, const Structure& built,
   }
 }
 
-/// Takes the depth from a share of the pixels (Rig::missing_share).
+/// Removes the depth of a share of the pixels (Rig::missing_share).
 void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView* view) {
   if (!(share > 0)) return;
   RandomStream random(seed, index, "missing");
@@ -255,7 +254,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
 
 std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m) {
   constexpr int kAttempts = 200;
-  constexpr double kGap = 0.05;  // m, for boxes that will stand a little out of place
+  constexpr double kGap = 0.05;  // m, for boxes slightly out of place
   RequireInputFile("structure", rig.structure);
   const Structure structure = ReadStructure(rig.structure);
   std::vector<RigPlacement> placements;

@@ -64,7 +64,7 @@ std::vector<std::pair<std::string, std::vector<const Intrinsics*>>> Candidates(
   return out;
 }
 
-/// Names the sensor that no batch would draw: its frames have the aspect ratio of no image size.
+/// Throws ConfigError for a sensor that no batch would draw: no image size has its aspect ratio.
 void RequireThatEverySensorIsDrawn(const SampleContext& context) {
   for (const std::string& sensor : context.config.sensors) {
     std::vector<std::string> resolutions;

@@ -18,22 +18,20 @@ class DepthRenderer;
 /// One training sample. All images have the intrinsics' size.
 struct Sample {
   std::uint64_t index = 0;
-  DepthImage depth;         ///< m, what the sensor would deliver; 0 where it measures nothing
-  LabelImage labels;        ///< training labels: 0 where noise took the depth away
+  DepthImage depth;         ///< m, as the sensor would give it; 0 for no measurement
+  LabelImage labels;        ///< training labels: 0 where noise removed the depth
   DepthImage depth_clean;   ///< before noise
   LabelImage labels_clean;  ///< before noise
   Intrinsics intrinsics;
   std::string sensor;  ///< pool name of the sensor whose intrinsics and noise were drawn
   Pose structure_from_sensor = Pose::Identity();
   /// structure_from_structure displacement of each box from its nominal place; identities for exact
-  /// assembly.
-  /// They include the vertical shifts that keep scaled boxes stacked.
+  /// assembly. Includes the vertical shifts that keep scaled boxes stacked.
   std::vector<Pose> box_offsets;
-  double size_scale = 1;  ///< that all boxes share, about their own centres (Structure::Displaced)
+  double size_scale = 1;  ///< of all boxes, about their own centres (Structure::Displaced)
 };
 
-/// A SampleConfig with its files read and its choices resolved; immutable, shared by worker
-/// threads.
+/// A SampleConfig with its files and choices; immutable, shared by worker threads.
 struct SampleContext {
   SampleConfig config;
   Structure structure;
@@ -42,14 +40,14 @@ struct SampleContext {
   int batch_size = 16;  ///< the image size is a function of index / batch_size
 };
 
-/// Reads the pool and, where `structure` is not given, config.structure. Throws ConfigError (an
-/// image size that no configured sensor has the aspect ratio of, a sensor that has the one of no
-/// image size, an unknown sensor), IoError or DataError.
+/// Reads the pool and, if `structure` is not given, config.structure. Throws ConfigError for an
+/// unknown sensor, an image size without a sensor of its aspect ratio, and a sensor without an
+/// image size of its own. Throws IoError or DataError.
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
                                 const Structure* structure = nullptr);
 
-/// A pure function of its arguments: same bytes whatever was drawn before and on
-/// whichever thread. A renderer of OpenGL needs its context current on the calling thread.
+/// A pure function of its arguments: the same bytes after any earlier draws and on any thread. An
+/// OpenGL renderer needs its context current on the calling thread.
 Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
                   std::uint64_t index);
 

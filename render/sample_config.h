@@ -9,11 +9,11 @@
 
 namespace volalign {
 
-/// Values of noise.models: "none", "paper", "sensor", then those of RegisterNoiseModel
+/// Values of noise.models: "none", "paper", "sensor", "physics", then those of RegisterNoiseModel
 /// (render/noise.h).
 std::vector<std::string> NoiseModelNames();
 
-/// How sensor poses are drawn; the defaults are the paper's (Results, "Implementation details").
+/// Distribution of sensor poses. The defaults are the paper's (Results, "Implementation details").
 struct PoseConfig {
   std::array<double, 2> rho_cm{150, 275};
   std::array<double, 2> height_cm{-15, 75};
@@ -43,7 +43,7 @@ struct PoseConfig {
   }
 };
 
-/// A scene that is drawn anew for each sample: whether the structure and the room are there at all.
+/// A scene that is drawn for each sample, with the probabilities of structure and room.
 struct SampleSceneConfig : SceneConfig {
   double structure_probability = 1.0;  ///< no key
   double room_probability = 1.0;
@@ -57,7 +57,7 @@ struct SampleSceneConfig : SceneConfig {
   }
 };
 
-/// How the depth map is spoilt.
+/// Noise of the depth map.
 struct NoiseConfig {
   std::vector<std::string> models{"sensor"};
   double paper_border_px = 2;
@@ -80,7 +80,7 @@ struct NoiseConfig {
   }
 };
 
-/// Everything that a sample depends on but seed and index.
+/// Everything that decides a sample, except seed and index.
 struct SampleConfig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";

@@ -27,7 +27,7 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
     throw Error(fmt::format("SampleStream: {} samples from {} on are no slice of a batch of {}",
                             count_, slice.first, batch_size));
   }
-  // Positions count this stream's samples, of which each batch has `count`.
+  // Positions count this stream's samples, with `count` per batch.
   const auto count = static_cast<std::uint64_t>(count_);
   const auto make_renderer = [context = std::move(context), options, slice, batch_size, count] {
     return [context, seed = options.seed, begun = options.begun, drawn = options.drawn,

@@ -13,9 +13,8 @@
 
 namespace volalign {
 
-/// Draws batches of consecutive samples on worker threads, each with a renderer of its own.
-/// Batches come out in order whatever the number of threads; at most `prefetch` finished batches
-/// wait in memory.
+/// Draws batches of consecutive samples on worker threads, each with its own renderer. Batches come
+/// in order for any number of threads. At most `prefetch` finished batches wait in memory.
 class SampleStream {
  public:
   /// `first_index` must be a multiple of context.batch_size, else Error.
@@ -23,18 +22,18 @@ class SampleStream {
     std::uint64_t seed = 0;
     std::uint64_t first_index = 0;
     int num_threads = 1;
-    RendererFactory make_renderer = nullptr;  ///< called by each worker thread; must be given
+    RendererFactory make_renderer = nullptr;  ///< called by each worker thread; required
     BatchSlice slice = {};
-    /// Counted up when a sample is begun, where there is one.
+    /// If given, incremented when a sample is begun.
     std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
     std::function<void(const Sample&)> drawn = nullptr;  ///< called by the worker, for each sample
     int prefetch = 4;
   };
   SampleStream(std::shared_ptr<const SampleContext> context, const Options& options);
 
-  /// The next context.batch_size samples, or the slice's of them. Rethrows a worker's exception.
+  /// The next context.batch_size samples, or those of the slice. Rethrows a worker's exception.
   std::vector<Sample> Next();
-  /// The next one alone. Rethrows a worker's exception.
+  /// The next sample alone. Rethrows a worker's exception.
   Sample NextSample();
 
  private:

@@ -61,14 +61,14 @@ std::vector<Footprint> BoxFootprints(const Structure& structure, const Pose& sce
   return footprints;
 }
 
-/// Where nothing else stands than the sensor and its tripod.
+/// The floor area that only the sensor and its tripod may use.
 Footprint TripodFootprint(const Pose& structure_from_sensor) {
   const Eigen::Vector3d& at = structure_from_sensor.translation();
   return {Eigen::Vector2d(at.x(), at.z()), Eigen::Vector2d::UnitX(),
           Eigen::Vector2d(kSensorClearance, kSensorClearance)};
 }
 
-/// The faces of a turned and shifted object.
+/// Turns and shifts a face of an object.
 void Move(const Pose& moved_from_face, SceneFace* face) {
   for (Eigen::Vector3f& corner : face->corners) {
     corner = (moved_from_face * corner.cast<double>()).cast<float>();
@@ -245,7 +245,7 @@ class SceneBuilder {
     }
   }
 
-  /// Along the walls; fixtures are doors, windows, boards and shelves.
+  /// Adds baseboards and fixtures along the walls: doors, windows, boards and shelves.
   void AppendBaseboardsAndFixtures(RandomStream& random) {
     const bool baseboard = random.Chance(0.5);
     const double baseboard_height = random.Uniform(0.06, 0.25);
@@ -280,7 +280,7 @@ class SceneBuilder {
                     Eigen::Vector3d(depth, height, width));
   }
 
-  /// A place for a footprint: anywhere in the room, half of the time along a wall.
+  /// Draws a place for a footprint: anywhere in the room, half of the time along a wall.
   Pose DrawPlace(RandomStream& random, double half_x, double half_z) const {
     const auto inside = [&](int wall, double margin) {
       return std::max(0.3, room_.distance[static_cast<std::size_t>(wall)] - margin);
@@ -427,7 +427,7 @@ class SceneBuilder {
     }
   }
 
-  /// With things, or monitors, standing on it.
+  /// A table with objects, or monitors, on it.
   void AppendTable(const Piece& piece, bool monitors, RandomStream& random) {
     const auto& [base, half_x, half_z, height] = piece;
     const double top = random.Uniform(0.02, 0.06);
@@ -448,7 +448,7 @@ class SceneBuilder {
     }
   }
 
-  /// Closed, or open shelves.
+  /// A cabinet: closed, or open shelves.
   void AppendCabinet(const Piece& piece, RandomStream& random) {
     const auto& [base, half_x, half_z, height] = piece;
     if (random.Chance(0.5)) {
@@ -472,7 +472,7 @@ class SceneBuilder {
     AppendLegs(base, half_x, half_z, seat - 0.03, 0.04);
   }
 
-  /// On the floor, or on a stick.
+  /// A ball on the floor or on a stick.
   void AppendBall(const Piece& piece, RandomStream& random) {
     const double radius = piece.half_x;
     const double raised = random.Chance(0.3) ? random.Uniform(0, 1.5) : 0;
@@ -515,7 +515,7 @@ class SceneBuilder {
     }
   }
 
-  /// Hangs from the ceiling.
+  /// A lamp that hangs from the ceiling.
   void AppendLamp(const Piece& piece, RandomStream& random) {
     const double end = random.Uniform(1.9, 2.3);
     const double top = std::max(room_.height, end + 0.1);
@@ -550,8 +550,8 @@ class SceneBuilder {
     }
   }
 
-  /// Boxes of about the structure's sizes that do not belong to it, near it, single or in stacks of
-  /// two.
+  /// Adds boxes of about the structure's sizes near it, single or in stacks of two, that do not
+  /// belong to it.
   void AddDistractors() {
     RandomStream random(seed_, index_, "distractors");
     if (!random.Chance(config_.distractor_probability)) return;
@@ -598,8 +598,8 @@ class SceneBuilder {
     }
   }
 
-  /// A pole, a low box or a slanted bar between the first sensor and the structure; hides a strip
-  /// of it.
+  /// Adds a pole, a low box or a slanted bar between the first sensor and the structure. It hides a
+  /// strip of the structure.
   void AddOccluder() {
     RandomStream random(seed_, index_, "occluder");
     if (!random.Chance(config_.occluder_probability) || options_.structure_from_sensors.empty()) {
@@ -632,7 +632,7 @@ class SceneBuilder {
         mesh_.AppendCylinder(base * Eigen::Vector3d::Zero(), base * Eigen::Vector3d(0, top, 0),
                              half, 8);
       } else if (kind == 1) {
-        // Seen from the sensor its top meets the structure `low_top` above the floor.
+        // Seen from the sensor, its top meets the structure at `low_top` above the floor.
         const double height = std::max(0.08, (1 - t) * (eye.y() - floor_) + t * low_top);
         BoxAt(base, {0, 0.5 * height, 0}, {2 * half, height, 2 * half});
       } else {
@@ -651,8 +651,8 @@ class SceneBuilder {
   double floor_;
   Room room_;
   SceneMesh mesh_;
-  std::vector<Footprint> boxes_;            // wherever the structure stands
-  std::vector<Footprint> boxes_elsewhere_;  // those of them that are not drawn
+  std::vector<Footprint> boxes_;            // at all places of the structure
+  std::vector<Footprint> boxes_elsewhere_;  // those that are not drawn
   std::vector<Footprint> keep_out_, corridors_, placed_;
 };
 

@@ -14,8 +14,8 @@ void Complete(const Eigen::Vector3d& axis, Eigen::Vector3d* u, Eigen::Vector3d* 
   *v = axis.cross(*u);
 }
 
-/// Quads between consecutive rings of a body of revolution; planar, because both edges of a quad
-/// are parallel.
+/// Appends quads between consecutive rings of a body of revolution. They are planar, as both edges
+/// of a quad are parallel.
 void AppendRings(SceneMesh* mesh, const std::vector<Eigen::Vector3d>& centres,
                  const std::vector<double>& radii, const Eigen::Vector3d& u,
                  const Eigen::Vector3d& v, int segments) {

@@ -10,8 +10,8 @@
 
 namespace volalign {
 
-/// A convex planar polygon of three or four corners, in the structure frame, m. It is seen from the
-/// side that `normal` points to.
+/// A convex planar polygon with three or four corners, in the structure frame, m. It is seen from
+/// the side to which `normal` points.
 struct SceneFace {
   std::array<Eigen::Vector3f, 4> corners;  ///< a triangle repeats its last corner
   Eigen::Vector3d normal;                  ///< unit
@@ -20,28 +20,28 @@ struct SceneFace {
   std::int16_t object = 0;  ///< index into SceneMesh::objects
 };
 
-/// What a physical object is to a depth sensor.
+/// The properties of a physical object for a depth sensor.
 struct SceneObject {
-  /// Share of infrared light that comes back, 0 to 1 (time-of-flight sensors lose what is dark).
+  /// Share of infrared light that returns, 0 to 1. Time-of-flight sensors lose dark objects.
   float reflectivity = 0.6F;
-  /// How much a stereo matcher finds to hold on to, 0 (plain) to 1.
+  /// Texture for a stereo matcher, from 0 (plain) to 1.
   float texture = 1.0F;
   bool is_structure = false;
 };
 
-/// Faces to draw. Everything is closed and seen from outside, apart from rooms, which are seen from
+/// Faces to draw. Everything is closed and seen from outside, except rooms, which are seen from
 /// inside.
 struct SceneMesh {
   std::vector<SceneFace> faces;
   std::vector<SceneObject> objects;
 
-  /// Starts a new object; the faces appended next belong to it.
+  /// Starts a new object, to which the next faces belong.
   void BeginObject(const SceneObject& object);
 
-  /// Four corners in order around `normal` (unit), coplanar.
+  /// `corners`: four coplanar ones, in order around `normal` (unit).
   void AppendQuad(const std::array<Eigen::Vector3d, 4>& corners, const Eigen::Vector3d& normal,
                   std::uint8_t label = 0);
-  /// A box of `size` along the axes of its frame, centred there.
+  /// A box of `size` along the axes of its frame and centred at its origin.
   void AppendBox(const Pose& structure_from_box, const Eigen::Vector3d& size);
   /// An upright or slanted round bar between two points, with flat ends.
   void AppendCylinder(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius,

@@ -10,11 +10,11 @@
 namespace volalign {
 namespace {
 
-/// m, standard deviation of how far the middle of a side bulges: sides of real stacks stray by 2 to
-/// 4 mm rms from a plane (docs/sensor-models.md), part of which is the sensor's.
+/// m, standard deviation of the bulge in the middle of a side. Sides of real stacks deviate by 2 to
+/// 4 mm rms from a plane (docs/sensor-models.md), part of which is the sensor's error.
 constexpr double kBulge = 0.002;
 
-/// A number of the face's own that does not depend on who sees it.
+/// A number of the face that does not depend on the sensor.
 std::uint64_t Fingerprint(const SceneFace& face) {
   std::uint64_t hash = 0;
   for (const Eigen::Vector3f& corner : face.corners) {
@@ -41,7 +41,7 @@ Subpixels::Subpixels(const NoiseInput& input) : view_(input.view) {
       corners[i] = (sensor_from_structure * face.corners[i].cast<double>()).cast<float>();
     for (std::size_t i = 0; i < 4; ++i) {
       seen.beside[i] = corners[(i + 1) % 4].cross(corners[i]);
-      // Either sense of the corners: the middle is inside.
+      // For either sense of the corners: the middle is inside.
       const Eigen::Vector3f middle = 0.5F * (corners[0] + corners[2]);
       if (seen.beside[i].dot(middle) < 0) seen.beside[i] *= -1;
     }

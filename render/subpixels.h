@@ -9,7 +9,7 @@
 
 namespace volalign {
 
-/// A face of the scene as a sensor sees it.
+/// A face of the scene in a sensor's frame.
 struct SeenFace {
   Eigen::Vector3f normal;  ///< unit, sensor frame, towards the sensor
   float height = 0;        ///< distance of the sensor from the plane, m
@@ -22,23 +22,22 @@ struct SeenFace {
   std::uint8_t label = 0;
 };
 
-/// What lies along rays between those of a view's pixels: of the faces that the pixel and its eight
-/// neighbours show, the nearest. Faces smaller than a pixel that no pixel shows are not found.
+/// The scene along rays between those of a view's pixels: the nearest of the faces that the pixel
+/// and its eight neighbours show. Faces smaller than a pixel that no pixel shows are not found.
 class Subpixels {
  public:
   explicit Subpixels(const NoiseInput& input);
 
-  /// By SceneFace's index.
+  /// `index`: of the SceneFace.
   const SeenFace& face(int index) const { return faces_[static_cast<std::size_t>(index)]; }
-  /// Whether the pixel and its neighbours show one face, or nothing at all.
+  /// Do the pixel and its neighbours show one face, or none?
   bool IsUniform(int u, int v) const;
-  /// Of the point (x, y) of the picture, px, where pixel centres are whole numbers.
+  /// The ray of the point (x, y) of the picture, px. Pixel centres are whole numbers.
   Eigen::Vector3f Ray(double x, double y) const;
-  /// Index of the face that the ray meets; -1 where it meets none. (u, v): the nearest pixel.
+  /// Index of the face that the ray meets; -1 if none. (u, v): the nearest pixel.
   int FaceAlong(const Eigen::Vector3f& ray, int u, int v) const;
-  /// m along the optical axis, to where the ray meets the face. The structure's faces bulge, as
-  /// those of cardboard boxes do, by half a sine along both edges, alike for all sensors that see
-  /// it.
+  /// Depth, m, where the ray meets the face. Faces of the structure bulge like those of cardboard
+  /// boxes, by half a sine along both edges, and equally for all sensors.
   float Depth(int index, const Eigen::Vector3f& ray) const;
 
  private:

@@ -7,18 +7,18 @@
 
 namespace volalign {
 
-/// The weights that are validated and shipped: an exponential running mean of those in training.
-/// Its decay rises with the number of steps to the given one, so that the random start is forgotten
-/// early. With decay 0 they are the weights in training themselves.
+/// The weights that are validated and shipped: an exponential running mean of the weights in
+/// training. Its decay rises with the number of steps to the given one, so that it forgets the
+/// random start early. With decay 0 they are the weights in training themselves.
 class WeightAverage {
  public:
-  /// `net` has the options of the network in training, whose weights are `source`.
+  /// `net` has the options of the network in training; `source` has that network's weights.
   WeightAverage(StructureNet net, double decay, FlatModule& source);
 
-  /// After each step; `steps` counts that one. Where `finite`, a bool scalar on the device, is
-  /// defined and false, nothing changes.
+  /// To be called after each step; `steps` includes that one. If `finite`, a bool scalar on the
+  /// device, is defined and false, nothing changes.
   void Update(FlatModule& source, std::int64_t steps, const at::Tensor& finite = {});
-  /// With decay 0, takes over the weights as they are now: before net() is used. Else nothing.
+  /// With decay 0, copies the present weights, before net() is used. Else does nothing.
   void Refresh(FlatModule& source);
   /// Starts again from these weights.
   void Reset(FlatModule& source);

@@ -15,11 +15,12 @@
 namespace volalign {
 namespace {
 
-/// Beyond so many cameras their rays are computed anew: a pool has some ten at its image sizes, a
-/// folder of frames may have one a sample, and 64 of 320x288 take 47 MB.
+/// Most cameras whose rays are kept. A pool has some ten at its image sizes, but a folder of frames
+/// may have one per sample. 64 of 320x288 take 47 MB.
 constexpr std::size_t kMostCameras = 64;
 
-/// As depth is rounded to millimetres (render/noise_kernels.inc) and as Unpack multiplies.
+/// As in the rounding of depth to millimetres (render/noise_kernels.inc) and the multiplication in
+/// Unpack.
 constexpr float kMillimetre = 0.001F;
 
 void RequireSize(const Sample& s, int width, int height) {
@@ -31,8 +32,8 @@ void RequireSize(const Sample& s, int width, int height) {
                           s.depth.height(), width, height));
 }
 
-/// False where a depth is no whole number of millimetres that int16 holds. Numbers are compared by
-/// their bits, which have vector instructions everywhere.
+/// False if a depth is no whole number of millimetres within int16. Numbers are compared by their
+/// bits, which have vector instructions everywhere.
 bool CopyMillimetres(const float* depth, std::size_t count, std::int16_t* out) {
   constexpr float kMost = 32.767F;
   std::uint32_t most = 0, differ = 0;
@@ -40,11 +41,11 @@ bool CopyMillimetres(const float* depth, std::size_t count, std::int16_t* out) {
   for (std::size_t i = 0; i < count; ++i) {
     std::uint32_t bits = 0, again = 0;
     std::memcpy(&bits, depth + i, sizeof bits);
-    // Negative and larger numbers and NaN have larger bits.
+    // Bits of negative and larger numbers and of NaN are larger.
     const std::uint32_t clamped = std::min(bits, most);
     float metres = 0;
     std::memcpy(&metres, &clamped, sizeof metres);
-    // Not negative; lround would be a call for each pixel.
+    // It is not negative; lround would be a call per pixel.
     const int mm = static_cast<int>(metres * 1000 + 0.5F);  // NOLINT(bugprone-incorrect-roundings)
     const float rounded = static_cast<float>(mm) * kMillimetre;
     std::memcpy(&again, &rounded, sizeof again);

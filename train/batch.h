@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// Consecutive samples, a batch a call: the rendered stream, or whatever a test trains on.
+/// Consecutive samples, one batch per call: the rendered stream, or the samples of a test.
 class SampleSource {
  public:
   virtual ~SampleSource() = default;
@@ -21,36 +21,36 @@ class SampleSource {
 struct Batch {
   at::Tensor depth;   ///< [B,1,H,W] float32, m
   at::Tensor labels;  ///< [B,H,W] int64
-  at::Tensor rays;    ///< [B,2,H,W] float32, (x/z, y/z) of each pixel; 0 where it has none
+  at::Tensor rays;    ///< [B,2,H,W] float32, (x/z, y/z) of each pixel; 0 without a ray
 
   /// Samples [first, first + count), without a copy.
   Batch Narrow(std::int64_t first, std::int64_t count) const;
 };
 
-/// A batch on its way to a device, in as few bytes as hold it.
+/// A batch on its way to a device, with as few bytes as possible.
 struct PackedBatch {
-  /// [B,1,H,W]: int16, mm, where that loses nothing (render/noise.h: RoundKept), else float32, m.
+  /// [B,1,H,W]: int16, mm, if that is exact (render/noise.h: RoundKept), else float32, m.
   at::Tensor depth;
   at::Tensor labels;                ///< [B,H,W] uint8
   std::vector<at::Tensor> rays;     ///< of each sample, [2,H,W] float32, on the device already
   std::vector<Intrinsics> cameras;  ///< of each sample
 };
 
-/// Packs samples for a device, with the rays of their cameras, lens included. A pixel that the lens
-/// gives no ray counts as one without depth. Rays are computed and copied to the device once for
-/// each camera, of which a pool has few.
+/// Packs samples for a device, with the rays of their cameras through their lenses. A pixel without
+/// a ray counts as one without depth. Rays are computed and copied to the device once per camera,
+/// as a pool has few.
 class BatchPacker {
  public:
   explicit BatchPacker(const at::Device& device) : device_(device) {}
 
-  /// Where the device is not the CPU the images are in pinned memory, from which copies need not be
-  /// waited for. Throws Error for no samples, or images of unequal sizes.
+  /// If the device is not the CPU, images are in pinned memory, so that copies do not block. Throws
+  /// Error for no samples, or images of unequal sizes.
   PackedBatch Pack(const std::vector<Sample>& samples);
 
  private:
   struct Camera {
     Intrinsics intrinsics;
-    std::vector<std::uint8_t> has_ray;  ///< of each pixel; empty: all have
+    std::vector<std::uint8_t> has_ray;  ///< per pixel; empty: all have one
     at::Tensor rays;                    ///< [2,H,W] float32 on the device
   };
   const Camera& Of(const Intrinsics& intrinsics);
@@ -59,10 +59,10 @@ class BatchPacker {
   std::deque<Camera> cameras_;
 };
 
-/// On the device of the rays: the samples' values, bit for bit.
+/// The samples' values, bit for bit, on the device of the rays.
 Batch Unpack(const PackedBatch& packed);
 
-/// Unpack of Pack on the CPU, with what it throws.
+/// Unpack of Pack on the CPU. Throws as Pack.
 Batch Collate(const std::vector<Sample>& samples);
 
 }  // namespace volalign

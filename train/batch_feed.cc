@@ -11,7 +11,7 @@ namespace volalign {
 
 struct BatchFeed::Arrival {
   PackedBatch packed;
-  std::optional<c10::Event> copied;  ///< where a stream of its own copies it
+  std::optional<c10::Event> copied;  ///< if a stream of its own copies it
 };
 
 BatchFeed::BatchFeed(std::unique_ptr<SampleSource> source, const at::Device& device, int ahead)
@@ -49,7 +49,7 @@ FedBatch BatchFeed::Next() {
   if (arrival->copied) {
     const c10::Stream current = c10::impl::VirtualGuardImpl(device_.type()).getStream(device_);
     arrival->copied->block(current);
-    // The allocator may give their memory away once this stream, too, has done with them.
+    // The allocator may reuse their memory only when this stream, too, has finished with them.
     packed.depth.record_stream(current);
     packed.labels.record_stream(current);
     for (const at::Tensor& rays : packed.rays) rays.record_stream(current);

@@ -16,15 +16,15 @@ struct FedBatch {
 /// A source's batches on a device.
 class BatchFeed {
  public:
-  /// Batches that are packed and copied to a CUDA device while the one before is trained on.
+  /// Batches that are packed and copied to a CUDA device while an earlier one is in training.
   static constexpr int kAhead = 2;
 
-  /// `ahead` batches are packed by a thread of their own and copied on a stream of their own; 0:
-  /// none, each is packed when it is asked for.
+  /// A thread packs `ahead` batches, and a stream copies them. 0: each batch is packed when it is
+  /// needed.
   BatchFeed(std::unique_ptr<SampleSource> source, const at::Device& device, int ahead);
 
-  /// The next batch; the current stream waits for it, the calling thread does not wait for the
-  /// device. Rethrows what the source throws.
+  /// The next batch. The current stream waits for it; the calling thread does not wait for the
+  /// device. Rethrows exceptions of the source.
   FedBatch Next();
 
  private:

@@ -45,7 +45,7 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
 
 namespace {
 
-/// Bands of horizontal distance, m: what each of the paper's three ranges adds to the one before.
+/// Bands of horizontal distance, m: the differences of the paper's three ranges.
 constexpr std::array<std::pair<double, double>, 3> kBands{{{1.5, 2.25}, {2.25, 2.75}, {2.75, 3.5}}};
 
 std::vector<SampleScore> InBand(const std::vector<SampleScore>& scores,

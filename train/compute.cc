@@ -69,7 +69,7 @@ Compute ChooseCompute(const RunConfig& run, const World& world) {
 
 namespace {
 
-/// Clock ticks that all processors have been idle, and ticks in all; and the processors' number.
+/// Idle and total clock ticks of all processors, and the number of processors.
 struct Ticks {
   double idle = 0, all = 0;
   int processors = 0;
@@ -87,7 +87,7 @@ Ticks ReadTicks(const std::string& stat) {
       continue;
     }
     double value = 0;
-    for (int i = 0; i < 8 && words >> value; ++i) {  // what follows is part of these
+    for (int i = 0; i < 8 && words >> value; ++i) {  // later values are parts of these
       ticks.all += value;
       if (i == 3 || i == 4) ticks.idle += value;  // idle, and waiting for a disk
     }
@@ -138,7 +138,7 @@ void WaitPassively() {
   std::vector<char*> arguments;
   for (std::string& argument : command) arguments.push_back(argument.data());
   arguments.push_back(nullptr);
-  // Where it cannot be started again it goes on as it is.
+  // If it cannot be started again, it continues.
   if (setenv("OMP_WAIT_POLICY", "PASSIVE", 1) == 0) execv(program.c_str(), arguments.data());
 }
 

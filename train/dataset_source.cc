@@ -11,7 +11,7 @@
 namespace volalign {
 namespace {
 
-/// Batches begin at multiples of the batch size, as image sizes change there.
+/// Batches begin at multiples of the batch size, where image sizes change.
 std::uint64_t FirstBatch(const DatasetHeader& header, int batch_size) {
   const auto size = static_cast<std::uint64_t>(batch_size);
   return (header.first_index + size - 1) / size;
@@ -40,8 +40,8 @@ std::uint64_t CountBatches(const Dataset& dataset, int batch_size) {
 
 namespace {
 
-/// Reads the stream's batches, of which it is asked for rising positions. A thread's own, as it
-/// keeps the order of the last epoch.
+/// Reads the stream's batches, at rising positions. One per thread, as it keeps the order of the
+/// last epoch.
 class BatchReader {
  public:
   BatchReader(std::shared_ptr<const Dataset> dataset, const DatasetSource::Options& options)

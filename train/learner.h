@@ -12,8 +12,8 @@
 
 namespace volalign {
 
-/// What a step changes and a state holds: the network in training, its optimiser and the average of
-/// its weights.
+/// The part of a run that a step changes and a state contains: the network in training, its
+/// optimiser and the average of its weights.
 class Learner {
  public:
   /// A new network for the structure's classes, drawn with config.run.seed.
@@ -21,11 +21,12 @@ class Learner {
   Learner(const Learner&) = delete;
   Learner& operator=(const Learner&) = delete;
 
-  /// Clips, steps the optimiser and the average; the gradient is zero afterwards. Where `finite`, a
-  /// bool scalar, is false nothing else changes and no step is counted.
+  /// Clips, steps the optimiser and the average, and zeroes the gradient. If `finite`, a bool
+  /// scalar, is false, nothing else changes. Such a step is not counted on the CPU. On other
+  /// devices it is UpdateUnseen.
   void Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
-  /// The same without a look at `finite`, for which the host would have to wait for the device:
-  /// the step is taken back on the device, piece by piece, and it is counted.
+  /// The same without reading `finite` on the host, which would have to wait for the device. The
+  /// device undoes the step, piece by piece, and the step is counted.
   void UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
 
   StructureNet net;
@@ -37,9 +38,8 @@ class Learner {
   void Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite = {});
 };
 
-/// Takes over the weights of the checkpoint `path` (run.init) and returns the number of samples
-/// that it was trained on. Throws ConfigError when its network is another one, DataError when its
-/// labels are.
+/// Copies the weights of the checkpoint `path` (run.init) and returns the number of its training
+/// samples. Throws ConfigError if its network differs, DataError if its labels differ.
 std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner);
 
 }  // namespace volalign

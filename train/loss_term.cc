@@ -11,7 +11,7 @@ namespace volalign {
 namespace {
 
 std::map<std::string, LossTermFactory>& Registered() {
-  // Those of the paper, loss_seg and loss_3d, are always there (train/losses.h).
+  // The paper's terms loss_seg and loss_3d always exist (train/losses.h).
   static std::map<std::string, LossTermFactory> registered = {{"seg", nullptr}, {"3d", nullptr}};
   return registered;
 }

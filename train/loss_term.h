@@ -11,10 +11,10 @@
 
 namespace volalign {
 
-/// What a term of the loss may look at.
+/// The input of a term of the loss.
 struct LossInput {
   const at::Tensor& log_probs;  ///< [B,K,H,W] float32, differentiable
-  const at::Tensor& depth;      ///< [B,1,H,W] float32, m, 0 where there is none
+  const at::Tensor& depth;      ///< [B,1,H,W] float32, m, 0 without depth
   const at::Tensor& labels;     ///< [B,H,W] int64, 0 for the background
   const at::Tensor& rays;       ///< [B,2,H,W] float32, x / z and y / z of each pixel
 };
@@ -30,8 +30,8 @@ class LossTerm {
 using LossTermFactory =
     std::function<std::unique_ptr<LossTerm>(const Structure& structure, const at::Device& device)>;
 
-/// Makes `name` a value of loss.terms; the logs have it as loss_NAME. To be called at the start of
-/// a program, before other threads run. Throws Error where there is such a term.
+/// Makes `name` a value of loss.terms, with the name loss_NAME in logs. To be called at the start
+/// of a program, before other threads run. Throws Error if the term exists.
 void RegisterLossTerm(const std::string& name, LossTermFactory factory);
 
 /// Throws ConfigError for a name that is not registered.

@@ -29,14 +29,15 @@ class TrainingLoss {
  public:
   TrainingLoss(const LossConfig& config, const Structure& structure, const at::Device& device);
 
-  /// Under which steps, logs and validations have the terms: loss_seg, loss_3d (m; 0 when it is
-  /// switched off), then loss_NAME of each of loss.terms.
+  /// The terms' names in steps, logs and validations: loss_seg, loss_3d (m; 0 if it is switched
+  /// off), then loss_NAME of each of loss.terms.
   const std::vector<std::string>& names() const { return names_; }
 
-  /// Of a part of a batch: `total` counts as the part's `share` of the samples, so that the totals
-  /// of all parts add up to the batch's; the terms are the part's own.
-  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, rays [B,2,H,W];
-  /// `samples` drawn so far sets lambda, which rises linearly from 0 over lambda_warmup_samples.
+  /// The loss of a part of a batch. `total` is weighted with the part's `share` of the samples, so
+  /// that the totals of all parts add up to the batch's. The terms are the part's own. Shapes:
+  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, rays [B,2,H,W]. The
+  /// number of `samples` so far gives lambda, which rises linearly from 0 over
+  /// lambda_warmup_samples.
   LossTerms operator()(const at::Tensor& log_probs, const at::Tensor& depth,
                        const at::Tensor& labels, const at::Tensor& rays, std::int64_t samples,
                        double share = 1) const;

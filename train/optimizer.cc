@@ -14,10 +14,10 @@ namespace volalign {
 namespace {
 
 constexpr double kAdamEpsilon = 1e-8;
-/// Values for which all operations of a step are done one after another: what they work on stays in
-/// the second-level cache.
+/// Number of values for which all operations of a step are done one after another, so that they
+/// stay in the second-level cache.
 constexpr std::int64_t kPiece = 32768;
-/// Values of which a step that may be taken back keeps copies at a time.
+/// Number of values of which a step that may be undone keeps copies at a time.
 constexpr std::int64_t kUnseenPiece = 1 << 22;
 
 }  // namespace

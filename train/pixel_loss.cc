@@ -18,7 +18,7 @@ using simd::PixelSums;
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Into so many parts a sample is cut, whatever the number of threads: sums do not depend on it.
+/// Number of parts of a sample, for any number of threads. So sums do not depend on threads.
 constexpr std::int64_t kParts = 4;
 
 void Require(bool holds, const char* what) {
@@ -51,8 +51,8 @@ struct Pixels {
   }
 };
 
-/// log_probs -> the sums of PixelSums [B,N] float64, of which [0, 4(K-1)) and the K of the
-/// likelihood are differentiable.
+/// log_probs -> the sums of PixelSums [B,N] float64. [0, 4(K-1)) and the K of the likelihood are
+/// differentiable.
 class PixelSumsFunction : public torch::autograd::Function<PixelSumsFunction> {
  public:
   static at::Tensor forward(AutogradContext* context, const at::Tensor& log_probs,

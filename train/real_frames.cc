@@ -40,7 +40,7 @@ fs::path FindDepth(const std::string& file, const fs::path& extrinsics, const fs
                             extrinsics.string(), file, capture.string()));
 }
 
-/// The structure with its boxes as the calibration found them.
+/// The structure with its boxes as built, by the calibration.
 Structure AsBuilt(const Structure& structure, const JsonObject& file) {
   std::map<std::string, Pose> found;
   for (const JsonObject& box :
@@ -94,7 +94,7 @@ void ReadCalibration(const fs::path& path, const Structure& structure,
     for (const std::string& depth : OneOrList(sensor, "depth")) {
       frame.name = FindDepth(depth, path, captures[0]).string();
       frame.depth = ToMetres(ReadDepthFile(frame.name), sensor.Number("depth_scale"));
-      // The pose is that of the corrected depth.
+      // The pose belongs to the corrected depth.
       for (float& z : frame.depth) {
         if (z > 0) z = static_cast<float>(z * gain + offset);
       }
@@ -108,7 +108,7 @@ void ReadCalibration(const fs::path& path, const Structure& structure,
   }
 }
 
-/// Nearest source pixel of each of `count` pixels that `source` are resampled to.
+/// The nearest source pixel of each of `count` pixels, for resampling from `source` pixels.
 std::vector<int> NearestPixels(int source, int count) {
   std::vector<int> nearest;
   for (int i = 0; i < count; ++i)
@@ -116,13 +116,13 @@ std::vector<int> NearestPixels(int source, int count) {
   return nearest;
 }
 
-/// p = Turning(q) p' of an image that was turned by q quarters.
+/// p = Turning(q) p' for an image that was turned by q quarters.
 Eigen::Matrix3d Turning(int quarter_turns) {
   // One turn sends (x, y) to (-y, x).
   return Eigen::AngleAxisd(-quarter_turns * M_PI / 2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
 }
 
-/// Whether the depth belongs to the structure as a pixel next to (u, v) shows it.
+/// Does the depth belong to the structure seen at a pixel next to (u, v)?
 bool ExplainedBeside(const ExpectedView& expected, int u, int v, float z) {
   for (int dv = -1; dv <= 1; ++dv) {
     for (int du = -1; du <= 1; ++du) {

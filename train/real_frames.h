@@ -11,7 +11,7 @@
 
 namespace volalign {
 
-/// A recorded frame, and what a calibration says about it.
+/// A recorded frame with its calibration.
 struct RealFrame {
   std::string name;  ///< its depth file
   std::string sensor;
@@ -21,36 +21,36 @@ struct RealFrame {
   std::shared_ptr<const Structure> structure;  ///< as it was built there
 };
 
-/// The frames of sensors whose status is ok in these extrinsics.json (docs/formats.md), each of one
-/// still, with verdict ok and of this structure; with several depth files of a sensor, each is a
-/// frame. Depth files are looked for from the folder of the extrinsics.json, then from that of its
-/// capture. Throws ConfigError for a calibration that is not so, IoError, DataError.
+/// The frames of sensors with status ok in these extrinsics.json (docs/formats.md). Each file has
+/// to be of one capture, with verdict ok and of this structure. Each of several depth files of a
+/// sensor is a frame. Depth files are looked for from the folder of the extrinsics.json, then from
+/// that of its capture. Throws ConfigError for another calibration, IoError, DataError.
 std::vector<RealFrame> ReadRealFrames(const std::vector<std::string>& extrinsics,
                                       const Structure& structure);
 
-/// A depth map may lie so far from the structure, m, and be that of the side there: farther than
-/// noise and a calibration's errors reach, and less than a person's hand before the boxes
-/// (extrinsics.json calls 3 cm an inlier).
+/// Largest distance, m, of a depth from the structure at which it belongs to the side there. It is
+/// more than noise and a calibration's errors, and less than the distance of a person's hand before
+/// the boxes. extrinsics.json calls 3 cm an inlier.
 inline constexpr double kLabelReach = 0.03;
 
-/// A frame as a training sample: turned to the mounting of the first of `roll_offsets_deg` with
-/// which its image has the aspect ratio of width x height, and resampled to that size by nearest
-/// neighbour; its labels are those that the structure has there. Where the structure is expected
-/// and the depth is another, and where a neighbour's surface explains a depth beside the structure,
-/// labels are not known: the pixel counts as without depth, which is background
-/// (render/sample.h: Sample::labels). Null where no turn gives it that ratio.
+/// A frame as a training sample. It is turned to the mounting of the first of `roll_offsets_deg` at
+/// which its image has the aspect ratio of width x height. It is resampled to that size by nearest
+/// neighbour. Labels are those of the structure at each pixel. A label is unknown if the depth
+/// differs from the structure expected there, or if a neighbour's surface explains a depth beside
+/// the structure. The pixel then counts as without depth, which is background (render/sample.h:
+/// Sample::labels). Null if no turn gives that ratio.
 std::unique_ptr<Sample> LabelledSample(const RealFrame& frame, int width, int height,
                                        const std::vector<double>& roll_offsets_deg);
 
-/// Each batch of `inner` with a share of its samples replaced by labelled frames, which ones being
-/// a function of seed and index.
+/// Each batch of `inner` with a share of its samples replaced by labelled frames. The choice is a
+/// function of seed and index.
 std::unique_ptr<SampleSource> MixIn(std::unique_ptr<SampleSource> inner,
                                     std::shared_ptr<const std::vector<RealFrame>> frames,
                                     double share, std::uint64_t seed,
                                     const std::vector<double>& roll_offsets_deg);
 
-/// The frames, in batches of one size of `image_sizes` each, again and again. Throws ConfigError
-/// for a frame that fits none.
+/// The frames in batches of one size of `image_sizes` each, again and again. Throws ConfigError for
+/// a frame that fits no size.
 std::unique_ptr<SampleSource> HeldOut(const std::vector<RealFrame>& frames,
                                       const std::vector<std::pair<int, int>>& image_sizes,
                                       int batch_size, const std::vector<double>& roll_offsets_deg);

@@ -11,8 +11,8 @@
 
 namespace volalign {
 
-/// Samples of `seed` from `first_index` on, of each batch those of `slice`, rendered on the run's
-/// loader threads by what `renderers` makes.
+/// Samples of `seed` from `first_index` on, of each batch those of `slice`. The run's loader
+/// threads render them with the results of `renderers`.
 class RenderedSource : public SampleSource {
  public:
   RenderedSource(std::shared_ptr<const SampleContext> context, const RunConfig& run,

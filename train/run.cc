@@ -32,10 +32,10 @@ bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
   return before / every != after / every;
 }
 
-/// Leaves a step or a validation that is to be done again when the run goes on.
+/// Leaves a step or a validation, which is done again when the run continues.
 struct Interruption {};
 
-/// Looks before each batch whether the run was interrupted, and throws an Interruption then.
+/// Before each batch, throws an Interruption if the run was interrupted.
 class Interruptible : public SampleSource {
  public:
   Interruptible(SampleSource& source, std::function<bool()> interrupted)
@@ -78,8 +78,7 @@ void Run::Say(const std::string& sentence) {
 
 bool Run::Begin() {
   if (folder_ != nullptr) result_.checkpoint = folder_->model();
-  // Of a run that was interrupted in a validation, or whose length was changed to what it had
-  // reached already.
+  // A run may have been interrupted in a validation, or its length changed to the present sample.
   const bool owed = OwesValidation();
   if (!ValidateIfOwed()) return false;
   if (owed) saved_ = -1;
@@ -101,7 +100,7 @@ bool Run::Advance(const FedBatch& fed) {
   };
   if (due(run.log_every)) WriteTrainRow();
   if (!ValidateIfOwed()) return false;
-  // After the rows of these samples, so that a run that goes on from here has them all.
+  // After the rows of these samples, so that a continued run has them all.
   if (due(run.checkpoint_every)) Save();
   ended_ = Clock::now();
   return progress_.samples < stop_;
@@ -133,7 +132,7 @@ TrainResult Run::End() {
   return result;
 }
 
-/// False where it was interrupted.
+/// False if it was interrupted.
 bool Run::ValidateIfOwed() {
   if (!OwesValidation()) return true;
   std::optional<ValidationResult> validation = ValidateNow();
@@ -142,7 +141,7 @@ bool Run::ValidateIfOwed() {
   return true;
 }
 
-/// The folder, and what it has of the run so far.
+/// Restores the state in rank 0 and opens the files of the folder.
 void Run::Lead(std::optional<SavedState> state, const TrainOptions& options) {
   if (state) {
     Restore(*state, &learner_);
@@ -163,7 +162,7 @@ void Run::Lead(std::optional<SavedState> state, const TrainOptions& options) {
   if (!options.quiet) sinks_.push_back(&bar_.emplace(config_.run.samples));
 }
 
-/// f(), after which, should another process be lost, the state before it is saved.
+/// Calls f. If another process is lost in it, saves the state before it and throws again.
 template <class F>
 bool Run::Rescued(const F& f) {
   if (group_.size() == 1) return f();
@@ -179,7 +178,7 @@ bool Run::Rescued(const F& f) {
   }
 }
 
-/// Whether any of the processes was.
+/// Was any of the processes interrupted?
 bool Run::Interrupted() {
   signal_ = guard_.Signal();
   if (group_.size() == 1) return signal_ != 0;
@@ -201,16 +200,16 @@ bool Run::OwesValidation() const {
           Crossed(progress_.validated, progress_.samples, config_.run.validate_every));
 }
 
-/// False where a process was interrupted.
+/// False if a process was interrupted.
 bool Run::Step(const FedBatch& fed) {
   const Batch& batch = fed.batch;
-  // Micro-batches of several processes differ in number, so that they cannot agree between them.
+  // Processes have different numbers of micro-batches, so they cannot agree between these.
   const bool alone = group_.size() == 1;
   const std::int64_t samples = alone ? batch.depth.size(0) : config_.run.batch_size;
   const double share = static_cast<double>(batch.depth.size(0)) / static_cast<double>(samples);
   StepTimes times;
   times.data = Seconds(ended_);
-  // A device is not to be waited for, but for one step of each row.
+  // Avoids waiting for a device, except in one step of each row.
   const bool measured = compute_.device.is_cpu() || !pending_.sums.defined();
   const auto start = Clock::now();
   const at::Tensor buffers = learner_.flat.buffers().clone();
@@ -243,7 +242,7 @@ bool Run::Step(const FedBatch& fed) {
   return true;
 }
 
-/// `times`: data, and all the rest in optim.
+/// `times`: the time of data, and all other time in optim.
 void Run::Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples) {
   const at::Tensor sums = numbers.Sums();
   pending_.sums = pending_.sums.defined() ? pending_.sums + sums : sums;
@@ -256,7 +255,7 @@ void Run::Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t 
   Foretell();
 }
 
-/// Has progress_.means know of all steps. Waits for the device.
+/// Adds all steps to progress_.means. Waits for the device.
 void Run::Collect() {
   if (!pending_.sums.defined()) return;
   StepReport report = ReadSums(pending_.sums, loss_.names());
@@ -265,10 +264,10 @@ void Run::Collect() {
   pending_ = {};
 }
 
-/// How long the run will take, once, when enough steps have been timed.
+/// Writes the expected duration of the run, once, when enough steps have been timed.
 void Run::Foretell() {
   constexpr std::int64_t kTimed = 100;  // samples: some steps, of which the first is slower
-  constexpr double kDay = 24 * 3600;    // for which configs/paper/lite.yaml needs no CPU
+  constexpr double kDay = 24 * 3600;    // configs/paper/lite.yaml needs less on a CPU
   if (foretold_ || timed_samples_ < kTimed) return;
   foretold_ = true;
   const double left = static_cast<double>(config_.run.samples - progress_.samples) * timed_s_ /
@@ -293,12 +292,12 @@ void Run::WriteTrainRow() {
   for (MetricSink* sink : sinks_) sink->Train(row);
 }
 
-/// For a message.
+/// The last state, for a message.
 std::string Run::LastState() const {
   return folder_ != nullptr && saved_ >= 0 ? folder_->State(saved_).string() : "none";
 }
 
-/// Nothing where a process was interrupted.
+/// Nothing if a process was interrupted.
 std::optional<ValidationResult> Run::ValidateNow() {
   Collect();
   if (config_.run.validation_samples == 0 && data_.validation_frames == 0) {

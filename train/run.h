@@ -21,10 +21,9 @@
 
 namespace volalign {
 
-/// A run at work: its parts, and what joins them. Of several processes rank 0 alone has a folder,
-/// and the others nullptr. All that is given by reference outlives the run. Every process calls the
-/// same functions: Begin, then, as long as they and it say true, Ready and Advance in turn, then
-/// End.
+/// A running training with its parts. Only rank 0 of several processes has a folder; the others
+/// have nullptr. All references have to outlive the run. Every process calls the same functions:
+/// Begin, then, as long as these return true, Ready and Advance in turn, then End.
 class Run {
  public:
   /// Continues `state`, or starts at the first sample, up to options.stop_at_samples.
@@ -32,18 +31,20 @@ class Run {
       ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state,
       const TrainOptions& options, const InterruptGuard& guard);
 
-  /// On stderr, in rank 0 of a run that is not quiet.
+  /// Writes to stderr, in rank 0 of a run that is not quiet.
   void Say(const std::string& sentence);
-  /// Samples drawn so far, with which the next batch begins.
+  /// Samples drawn so far: the index of the next batch's first.
   std::int64_t samples() const { return progress_.samples; }
-  /// Makes up for a validation that was interrupted.
+  /// Repeats a validation that was interrupted. False if it is interrupted again, or no sample is
+  /// left.
   bool Begin();
-  /// Before a batch is drawn, which may take long. False: it was interrupted.
+  /// To be called before a batch is drawn, which may take long. False: the run was interrupted.
   bool Ready();
-  /// A step, and what is due after it.
+  /// A step with the validation and saving that are due after it. False: interrupted, or no sample
+  /// is left.
   bool Advance(const FedBatch& fed);
   TrainResult End();
-  /// What to say where the device's memory is short.
+  /// The message if the device's memory is too small.
   std::string OutOfMemory() const;
 
  private:
@@ -75,18 +76,18 @@ class Run {
   TrainingLoss loss_;
   RunProgress progress_;
   TrainResult result_;
-  /// What the device knows of the steps since the last row and progress_.means does not; on a CPU
-  /// there is nothing between steps.
+  /// Numbers of the steps since the last row that are only on the device and not in
+  /// progress_.means. On a CPU it is empty between steps.
   struct {
     at::Tensor sums;  ///< StepNumbers::Sums
     StepTimes times, measured;
     std::int64_t samples = 0;
   } pending_;
-  Clock::time_point ended_;         ///< the last step, with what was due after it
-  std::int64_t timed_samples_ = 0;  ///< of the steps of this call,
-  double timed_s_ = 0;              ///< which took so long
+  Clock::time_point ended_;         ///< end of the last step, with validation and saving
+  std::int64_t timed_samples_ = 0;  ///< number of samples in the steps of this call,
+  double timed_s_ = 0;              ///< and their time
   bool foretold_ = false;
-  int signal_ = 0;              ///< that interrupted the run
+  int signal_ = 0;              ///< the signal that interrupted the run
   std::int64_t saved_ = -1;     ///< samples of the newest state
   std::int64_t modelled_ = -1;  ///< samples of the model.safetensors that this process wrote
   std::optional<JsonlSink> jsonl_;

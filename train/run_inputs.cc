@@ -27,7 +27,7 @@ std::string IfExists(const fs::path& path) { return Exists(path) ? path.string()
 
 std::string KeptStructure(const fs::path& dir) { return IfExists(dir / "structure.yaml"); }
 
-/// Of the sensors that the recipe draws from.
+/// The pool's entries for the recipe's sensors.
 std::vector<IntrinsicsPoolEntry> PoolOf(const std::string& file,
                                         const std::vector<std::string>& sensors) {
   std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(file);

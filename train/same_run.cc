@@ -11,10 +11,10 @@
 namespace volalign {
 namespace {
 
-/// Keys that may differ when a run is resumed: they change no sample, and no step but for the
-/// rounding of its sums, which run.threads and run.device change. So does data.renderer, and few
-/// pixels at edges. The contents of data.structure and data.intrinsics are compared by
-/// RequireSameInputs.
+/// Keys that may differ if a run is resumed. They change no sample and no step, with two
+/// exceptions. run.threads and run.device change the rounding of a step's sums. So does
+/// data.renderer, which also changes few pixels at edges. RequireSameInputs compares the contents
+/// of data.structure and data.intrinsics.
 const std::set<std::string>& FreeKeys() {
   static const std::set<std::string> keys = {"data.real.validation", "data.renderer",
                                              "data.structure",       "data.intrinsics",
@@ -31,7 +31,7 @@ const std::set<std::string>& FreeKeys() {
 
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
                     const std::string& path) {
-  // A key that did not exist yet when the state was saved had its default's effect.
+  // A key that is newer than the state had the effect of its default.
   const ConfigSource before =
       ConfigSource::FromString(WriteConfig(ReadSavedConfig(saved_yaml, path)), path);
   const ConfigSource now = ConfigSource::FromString(WriteConfig(config), "the given configuration");

@@ -6,12 +6,12 @@
 
 namespace volalign {
 
-/// Throws ConfigError when `config` differs from `saved_yaml`, with which the state `path` was
-/// saved, in a key that changes a sample or a step; other keys may differ when a run is resumed.
+/// Throws ConfigError if `config` differs from `saved_yaml`, the configuration of the state `path`,
+/// in a key that changes a sample or a step. Other keys may differ if a run is resumed.
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
                     const std::string& path);
 
-/// Whether validations under both configurations have comparable results.
+/// Are the results of validations under both configurations comparable?
 bool SameValidation(const std::string& saved_yaml, const TrainConfig& config);
 
 }  // namespace volalign

@@ -23,8 +23,8 @@
 namespace volalign {
 namespace {
 
-/// Least (s2 + d s3) / s1 at which the rotation counts as determined: its derivative grows with the
-/// inverse, and float32 keypoints are no better than this.
+/// Least (s2 + d s3) / s1 of a determined rotation. The derivative grows with its inverse, and
+/// float32 keypoints are no more precise.
 constexpr double kMinSigmaSum = 1e-3;
 
 void Require(bool holds, const char* what, const at::Tensor& x, const char* expected) {
@@ -78,7 +78,7 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
                                                  torch::autograd::variable_list grads) {
     const auto saved = context->get_saved_variables();
     const at::Tensor &u = saved[0], &sigma = saved[1], &vt = saved[2];
-    // Scaling M leaves R as it is, so work on M / s1 and undo the scale at the end.
+    // Scaling M does not change R. So this works on M / s1 and undoes the scale at the end.
     const at::Tensor s1 = sigma.select(1, 0).clamp_min(1e-300).view({-1, 1, 1});
     const at::Tensor scaled = sigma / s1.squeeze(2);
     const at::Tensor sums = (scaled.unsqueeze(2) + scaled.unsqueeze(1)).clamp_min(kMinSigmaSum);
@@ -92,8 +92,8 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
   }
 };
 
-/// bool [B]: the second singular value of the point sets [B,N,3], float64 on the CPU, is
-/// kMinSecondSingularValue at least. Its square is the second eigenvalue of s^T s, in closed form.
+/// bool [B]: the second singular value of the point sets [B,N,3], float64 on the CPU, is at least
+/// kMinSecondSingularValue. Its square is the second eigenvalue of s^T s, in closed form.
 at::Tensor SpreadEnough(const at::Tensor& s) {
   const at::Tensor products = at::bmm(s.transpose(1, 2), s).contiguous();  // [B,3,3]
   at::Tensor enough = at::empty({s.size(0)}, at::kBool);
@@ -167,7 +167,7 @@ ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor&
   const ProcrustesFit fit = FitRotation(at::bmm(s.transpose(1, 2), c));  // of sum_k S_k C_k^T
   const at::Tensor fixed = SpreadEnough(s).logical_and(fit.determined);  // [B]
   const at::Tensor residual = s - at::bmm(c, fit.rotation.transpose(1, 2));
-  // The norm's gradient at 0 is taken as 0: the clamp cuts it off.
+  // The norm's gradient at 0 is defined as 0: the clamp cuts it off.
   const at::Tensor norm = residual.square().sum({1, 2}).clamp_min(1e-20).sqrt();  // [B]
   const at::Tensor kept = at::where(fixed, norm, at::zeros_like(norm));
   const double batch = static_cast<double>(keypoints.size(0));

@@ -34,7 +34,7 @@ void Describe(Archive& ar, StepMeans& means) {
   times << t.data, t.forward, t.loss, t.backward, t.optim;
   ar("times", times);
   ar.Later("skipped", sum.skipped);
-  std::map<std::string, double> own = sum.terms;  // of loss.terms
+  std::map<std::string, double> own = sum.terms;  // terms of loss.terms
   own.erase("loss_seg");
   own.erase("loss_3d");
   ar.Optional("terms", own);
@@ -58,7 +58,7 @@ void Describe(Archive& ar, RunProgress& progress) {
 
 namespace {
 
-/// What a state's file says beside its tensors.
+/// Content of a state's file beside its tensors.
 struct StateMeta {
   RunProgress progress;
   std::int64_t steps = 0;

@@ -20,49 +20,49 @@ namespace volalign {
 
 inline constexpr char kStateFormat[] = "volalign.training/3";
 
-/// How far a run is, beside its weights.
+/// Progress of a run, beside its weights.
 struct RunProgress {
   std::int64_t samples = 0;       ///< drawn so far
-  std::int64_t init_samples = 0;  ///< that run.init was trained on
+  std::int64_t init_samples = 0;  ///< training samples of run.init
   double lr = 0;                  ///< of the last step
-  /// Least and largest focal length, px, and the image sizes that were seen.
+  /// Least and largest focal length so far, px, and the image sizes so far.
   std::pair<double, double> focal_px{0, 0};
   std::set<std::pair<int, int>> image_sizes;
-  std::int64_t validated = -1;  ///< samples at the last validation; -1: there was none
+  std::int64_t validated = -1;  ///< samples at the last validation; -1: none yet
   BestValidation best;
   StepMeans means;  ///< the steps since the last row of the log
 
   void NoteCameras(const std::vector<Intrinsics>& cameras);
 };
 
-/// As text, and back. ReadProgress throws DataError for any other text.
+/// Convert to text and back. ReadProgress throws DataError for any other text.
 std::string WriteProgress(const RunProgress& progress);
 RunProgress ReadProgress(const std::string& text);
 
-/// Writes all that a run needs to go on: `learner`, `progress`, and what tells whether another run
-/// is the same one (`config`, and TrainingData::identity). Throws IoError.
+/// Writes all that a run needs to continue: `learner`, `progress`, and the identity of the run
+/// (`config` and TrainingData::identity). Throws IoError.
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
                const std::string& data_identity, const Compute& compute, Learner& learner,
                const RunProgress& progress);
 
-/// A state as it was read, of the run that the caller wants to continue.
+/// A state that was read, of the run that the caller wants to continue.
 struct SavedState {
   std::filesystem::path path;
   TensorFile file;
   RunProgress progress;
   std::int64_t steps = 0;
-  at::ScalarType type = at::kFloat;  ///< in which the run computes, and
-  bool channels_last = false;        ///< its layout: Compute, whatever the machine
+  at::ScalarType type = at::kFloat;  ///< of the run's computation
+  bool channels_last = false;        ///< the run's layout, whatever the machine
 };
 
-/// The newest state of `folder` that is whole, or none where there is no state; `damaged` gets a
-/// sentence for each newer one that is not. Throws ConfigError for the state of a run with another
-/// configuration (RequireSameRun) or other samples, DataError when every state is damaged.
+/// The newest state of `folder` that is whole, or nothing if there is no state. `damaged` receives
+/// a sentence for each newer one that is damaged. Throws ConfigError for the state of a run with
+/// another configuration (RequireSameRun) or other samples, DataError if every state is damaged.
 std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& config,
                                     const std::string& data_identity,
                                     std::vector<std::string>* damaged);
 
-/// Weights, average and optimiser as they were. Throws DataError where the state lacks one.
+/// Restores weights, average and optimiser. Throws DataError if the state lacks one.
 void Restore(const SavedState& state, Learner* learner);
 
 /// Writes the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights. Throws IoError.

@@ -20,8 +20,8 @@ double Seconds(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
 }
 
-/// Adds the gradient of a part of a batch, and returns its total, its degenerate samples and its
-/// terms as they count in the batch's: [2 + N] float64.
+/// Adds the gradient of a part of a batch. Returns its total, its degenerate samples and its terms
+/// with their weights in the batch: [2 + N] float64.
 at::Tensor AddGradient(Learner& learner, const TrainingLoss& loss, const Batch& part, double share,
                        const Compute& compute, std::int64_t samples, StepTimes* times) {
   const auto now = [&] {

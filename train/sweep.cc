@@ -30,7 +30,7 @@ std::string InName(const std::string& text) {
   return name;
 }
 
-/// All combinations of one value of each key, the last key's running fastest.
+/// All combinations of one value per key; the last key changes fastest.
 std::vector<std::vector<std::string>> Combinations(const std::vector<SweepKey>& keys) {
   std::vector<std::vector<std::string>> all = {{}};
   for (const SweepKey& key : keys) {
@@ -58,7 +58,7 @@ void RequireDifferentNames(const std::vector<SweepRun>& runs) {
   }
 }
 
-/// All runs would have the one value, under names that say others.
+/// Throws if a listed key is set for all runs: their names would say other values.
 void RequireNotListed(const Sweep& sweep, const std::string& key) {
   for (const SweepKey& of : sweep.keys) {
     if (of.listed && of.key == key)

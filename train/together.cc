@@ -47,7 +47,7 @@ void RequireSame(const SharedRun& own, const std::string& config, const std::str
   }
 }
 
-/// CBOR has, unlike JSON as text, numbers that are not finite.
+/// As CBOR, which, unlike JSON text, has numbers that are not finite.
 std::string Pack(const ValidationResult& own) {
   json scores = json::array();
   for (const SampleScore& s : own.scores) {

@@ -11,29 +11,29 @@
 
 namespace volalign {
 
-/// Throws ConfigError where so many processes cannot train with this configuration.
+/// Throws ConfigError if so many processes cannot train with this configuration.
 void RequireProcesses(const TrainConfig& config, int count);
 
-/// What the processes of a run agree on at its start, as rank 0 says it.
+/// The common choices of the processes of a run at its start. Rank 0 decides.
 struct SharedRun {
   Compute compute;      ///< its type and layout
   std::string config;   ///< WriteConfig
   std::string dataset;  ///< TrainingData::identity
 };
 
-/// `own.compute` with the type and layout of rank 0, which are what `lead` there makes of its own.
-/// Throws what `lead` throws, or ConfigError where another process has another configuration (but
-/// for keys of the machine) or other samples.
+/// `own.compute` with the type and layout of rank 0, which `lead` derives there from its own.
+/// Throws exceptions of `lead`. Throws ConfigError if another process has another configuration
+/// (except for keys of the machine) or other samples.
 Compute Agree(ProcessGroup& group, const SharedRun& own,
               const std::function<Compute(Compute)>& lead);
 
-/// All processes go on from what rank 0 has.
+/// Copies the weights and progress of rank 0 to all processes.
 void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress);
 
-/// All processes know the cameras that any of them has seen.
+/// Gives all processes the cameras that any of them has seen.
 void ShareCameras(ProcessGroup& group, RunProgress* progress);
 
-/// The validation of all samples, of which each process has done its slice of each batch.
+/// The validation of all samples, from each process's slice of each batch.
 ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size);
 
 }  // namespace volalign

@@ -16,7 +16,7 @@ namespace volalign {
 
 std::vector<std::string> NetworkKinds();  // core/nn/network.h
 
-/// The network, but for the number of classes, which the structure gives
+/// The network, without the number of classes, which the structure gives
 /// (core/model/network_options.h).
 struct ModelConfig {
   std::string kind = "paper";
@@ -122,7 +122,7 @@ struct OptimConfig {
        "themselves",
        Between(0, 0.999999));
   }
-  /// Whether the number of samples in a run changes the learning rate on the way there.
+  /// Does the number of samples in a run change the learning rate before its end?
   bool DependsOnLength() const { return schedule == Schedule::kOneCycle; }
 };
 
@@ -216,7 +216,7 @@ struct RunConfig {
   }
 };
 
-/// A whole training run: configs/m01.yaml and its like.
+/// A whole training run, as in configs/m01.yaml.
 struct TrainConfig {
   TrainingDataConfig data;
   ModelConfig model;
@@ -232,15 +232,15 @@ struct TrainConfig {
     ar("optim", optim, "optimiser");
     ar("run", run, "run");
   }
-  /// What no single key can say. Throws ConfigError.
+  /// Checks conditions on several keys together. Throws ConfigError.
   void Validate() const;
 };
 
-/// Reads, checks, validates. Throws ConfigError, for a key that there was once with what it meant.
+/// Reads, checks and validates. Throws ConfigError; for a removed key, with its former meaning.
 TrainConfig ReadTrainConfig(const ConfigSource& source);
 
-/// The same of what WriteConfig of this or an earlier version wrote, without Validate; `name` is
-/// where it stands, for messages.
+/// The same for the output of WriteConfig of this or an earlier version, without Validate. `name`
+/// is its place, for messages.
 TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name);
 
 }  // namespace volalign

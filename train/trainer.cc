@@ -25,7 +25,7 @@ namespace {
   throw IoError(fmt::format("{}: there is no run to resume here: drop --resume", dir.string()));
 }
 
-/// The state to continue, or none for a run that starts at its first sample.
+/// The state to continue, or nothing for a run that starts at its first sample.
 std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& data,
                                 const TrainConfig& config, bool resume,
                                 std::vector<std::string>* damaged) {
@@ -37,7 +37,7 @@ std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& dat
   RequireSameInputs(folder.dir(), config, data.structure);
   std::optional<SavedState> state = FindState(folder, config, data.identity, damaged);
   if (state) return state;
-  // A run that was killed before its first state left its configuration alone.
+  // A run that was killed before its first state left only its configuration.
   if (!std::filesystem::exists(folder.config())) NothingToResume(folder.dir());
   RequireSameRun(ReadFile(folder.config(), kMaxTextBytes), config, folder.config().string());
   return std::nullopt;

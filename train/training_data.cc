@@ -85,7 +85,7 @@ void RequireApart(const TrainConfig& config, const Dataset* training, const Data
       seen.seed, seen.begin, seen.end - 1, held.begin, held.end - 1));
 }
 
-/// Says at the start, and not hours later at the first validation, that nothing can be rendered.
+/// Reports at the start, and not hours later at the first validation, that nothing can be rendered.
 Renderers RendererOf(const TrainConfig& config, bool only_validates) {
   try {
     return ChooseRenderers(config.data.renderer, {}, config.run.device.rfind("cuda", 0) == 0);
@@ -98,7 +98,7 @@ Renderers RendererOf(const TrainConfig& config, bool only_validates) {
   }
 }
 
-/// Samples of `seed` from a folder, or rendered where there is none.
+/// Samples of `seed` from a folder, or rendered if there is none.
 std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
                                          const std::shared_ptr<const SampleContext>& context,
                                          const RunConfig& run, const RendererFactory& renderers,
@@ -113,7 +113,7 @@ std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& d
       dataset, DatasetSource::Options{of, first, run.batch_size, run.loader_threads, slice});
 }
 
-/// The frames of a list of calibrations, each of which fits an image size; null for none.
+/// The frames of a list of calibrations, each of which fits an image size; null for no files.
 std::shared_ptr<const std::vector<RealFrame>> OpenRealFrames(const std::vector<std::string>& files,
                                                              const TrainConfig& config,
                                                              const SampleContext& context) {
@@ -138,7 +138,7 @@ void RequireHeldOut(const RealConfig& real, const BatchSlice& slice) {
   }
 }
 
-/// Of the contents that samples come from beside the configuration.
+/// Identity of the samples' sources beside the configuration.
 std::string IdentityOf(const Dataset* training, const RealConfig& real,
                        const std::vector<RealFrame>* frames) {
   std::string identity = training ? training->header().Identity() : "";

@@ -108,7 +108,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     }
   }
   ValidationResult result = Summarise(scores);
-  sums.erase("loss_seg");  // which the scores have, in double
+  sums.erase("loss_seg");  // the scores have it, in double
   for (const auto& [name, sum] : sums) result.terms[name] = sum / result.samples;
   result.scores = std::move(scores);
   result.examples = std::move(examples);

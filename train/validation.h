@@ -14,23 +14,23 @@ namespace volalign {
 
 inline constexpr int kLabelExamples = 4;
 
-/// Means and medians over some samples; `terms`, which are a batch's, and `scores` stay empty.
+/// Means and medians over some samples. `terms`, which belong to batches, and `scores` stay empty.
 ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
-/// Keypoints of the sides that `labels` shows in a sample's depth map, in two frames, m.
+/// Keypoints of the sides that `labels` has in a sample's depth map, in two frames, m.
 struct SideKeypoints {
   std::vector<Eigen::Vector3d> sensor;  ///< as seen
   std::vector<Eigen::Vector3d> structure;
 };
 
-/// A side counts from 20 pixels on; its keypoint in the sensor frame is the plain mean of its
-/// pixels' points, as in the paper and in L_3D.
+/// Finds keypoints of sides with 20 pixels or more. The keypoint in the sensor frame is the mean of
+/// the side's points, as in the paper and in L_3D.
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind);
 
 /// Runs `net` in evaluation mode over `samples` samples (rounded up to whole batches) of the
-/// source, of which the first kLabelExamples become examples. Poses are those of the keypoints
-/// (FindKeypoints) of the argmax labels. `count` is told of samples.
+/// source. The first kLabelExamples become examples. Poses are those of the keypoints
+/// (FindKeypoints) of the argmax labels. `count` receives the progress in samples.
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
                           KeypointKind keypoints, SampleSource& source, int samples,
                           const at::Device& device, bool channels_last,

@@ -5,12 +5,12 @@
 
 namespace volalign {
 
-/// Base of everything that volalign's libraries throw. The message is one line that says what is
-/// wrong, its value, where it stands and what to do; only `main` catches it.
+/// Base of all errors that volalign's libraries throw. The message is one line: what is wrong, its
+/// value, its place and what to do. Only `main` catches it.
 class Error : public std::runtime_error {
  public:
-  /// Keeps the MessageLine of it (core/base/text.h): nothing that a message quotes can forge or
-  /// flood what a terminal, a log or Python shows.
+  /// Keeps the MessageLine of it (core/base/text.h). So no quoted text can forge or flood the
+  /// output of a terminal, a log or Python.
   explicit Error(const std::string& message);
 };
 
@@ -20,7 +20,7 @@ class ConfigError : public Error {
   using Error::Error;
 };
 
-/// A file's content is not what its format promises (truncated image, NaN, wrong version, ...).
+/// A file's content violates its format (truncated image, NaN, wrong version, ...).
 class DataError : public Error {
  public:
   using Error::Error;

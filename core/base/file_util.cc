@@ -26,7 +26,7 @@ namespace {
 
 std::atomic<std::uint64_t> next_temporary{0};
 
-/// Closes what ::open gave.
+/// Closes a descriptor of ::open.
 class FileHandle {
  public:
   explicit FileHandle(int file) : file_(file) {}
@@ -66,7 +66,7 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
   };
   const auto announced = static_cast<std::uint64_t>(status.st_size);
   require_size(announced);
-  // The size is a hint: files of /proc announce 0, and a file may grow while it is read.
+  // The size is a hint: files of /proc have size 0, and a file may grow while it is read.
   std::string content(static_cast<std::size_t>(announced) + 1, '\0');
   std::size_t at = 0;
   for (;;) {
@@ -79,8 +79,8 @@ std::string ReadFile(const std::filesystem::path& path, std::uint64_t max_bytes)
     if (at == content.size()) content.resize(2 * content.size() + 4096);
   }
   content.resize(at);
-  // Of a file that is cut meanwhile, zeros may have been read: the system clears the page of the
-  // new end, after it has made the size known.
+  // If a file is truncated meanwhile, zeros may have been read: the system clears the page of the
+  // new end after it has published the size.
   if (::fstat(file.get(), &status) != 0) fail(std::strerror(errno));
   if (static_cast<std::uint64_t>(status.st_size) < announced) {
     fail("it became shorter while it was read");
@@ -103,8 +103,8 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   if (sync) RemoveAbandoned(path);
   const std::string shown = ShownPath(path);
   int file = -1;
-  // Two writers never share a file: a name that is taken, by a writer of the same process number on
-  // another machine or by one that was killed, is passed over.
+  // Two writers never share a file. A name is passed over if a killed writer left it, or one with
+  // the same process number on another machine.
   Unfinished temporary([&] {
     std::filesystem::path name;
     do {
@@ -149,7 +149,7 @@ std::string Base64(std::string_view bytes) {
   EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()),
                   reinterpret_cast<const unsigned char*>(bytes.data()),
                   static_cast<int>(bytes.size()));
-  text.pop_back();  // the zero that ends it
+  text.pop_back();  // the final zero
   return text;
 }
 

@@ -30,7 +30,7 @@ constexpr std::chrono::milliseconds kLockPause(100);
   throw IoError(fmt::format("cannot {} {}: {}", what, path.string(), std::strerror(reason)));
 }
 
-/// Does nothing on file systems that cannot.
+/// Syncs a folder. Does nothing on file systems that cannot.
 void SyncOpen(int fd, const fs::path& folder) {
   if (::fsync(fd) != 0 && errno != EINVAL && errno != EROFS) FailFolder("sync", folder, errno);
 }
@@ -52,7 +52,7 @@ fs::path MakeDraft(const fs::path& dir) {
   return draft;
 }
 
-/// By their paths in it, in a fixed order.
+/// Files by their paths in the folder, in a fixed order.
 std::set<fs::path> FilesBelow(const fs::path& folder) {
   std::set<fs::path> files;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
@@ -61,8 +61,8 @@ std::set<fs::path> FilesBelow(const fs::path& folder) {
   return files;
 }
 
-/// The folders of one that is written to, each opened once. None is ever one that a link leads to,
-/// which somebody may have put there, also while this runs.
+/// The folders of a folder that is written to, each opened once. None of them was reached by a
+/// link, which somebody may put there at any time.
 class FoldersBelow {
  public:
   explicit FoldersBelow(const fs::path& dir)
@@ -76,7 +76,7 @@ class FoldersBelow {
   FoldersBelow(const FoldersBelow&) = delete;
   FoldersBelow& operator=(const FoldersBelow&) = delete;
 
-  /// That of the file; `make`: where there is none, it is made, else it is -1.
+  /// The folder of the file. If it is missing: made with `make`, else -1.
   int Of(const fs::path& file, bool make) {
     int at = dir_fd_;
     fs::path path;
@@ -115,7 +115,7 @@ class FoldersBelow {
   std::map<fs::path, int> open_;  // by their paths in the folder
 };
 
-/// What is no file of an earlier run stays.
+/// Removes a file of an earlier run. Anything else stays.
 void RemoveOutdated(int folder, const fs::path& file) {
   struct stat there = {};
   if (folder < 0 || ::fstatat(folder, file.filename().c_str(), &there, AT_SYMLINK_NOFOLLOW) != 0 ||
@@ -143,7 +143,7 @@ void MakeFolder(const fs::path& folder) {
 
 void SyncFolder(const fs::path& folder) {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;  // one may write into a folder that one may not read
+  if (fd < 0) return;  // a folder may be writable but not readable
   const int failed = ::fsync(fd) == 0 ? 0 : errno;
   ::close(fd);
   if (failed != 0 && failed != EINVAL && failed != EROFS) FailFolder("sync", folder, failed);

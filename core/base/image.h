@@ -66,8 +66,8 @@ using LabelImage = Image<std::uint8_t>;
 using Image16 = Image<std::uint16_t>;
 using RgbImage = Image<Rgb>;
 
-/// Turns the image by `quarter_turns` x 90 deg clockwise (as seen on a screen, u right, v down):
-/// one turn sends the pixel (u, v) to (height - 1 - v, u). Any integer is accepted, modulo 4.
+/// Turns the image by `quarter_turns` x 90 deg clockwise (as seen on a screen, u right, v down).
+/// One turn sends the pixel (u, v) to (height - 1 - v, u). Any integer is accepted, modulo 4.
 template <class T>
 Image<T> Turn(const Image<T>& image, int quarter_turns) {
   const int turns = ((quarter_turns % 4) + 4) % 4;

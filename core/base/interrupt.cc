@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 std::atomic<int> g_signal{0};  // since the outermost guard began
 std::atomic<int> g_guards{0};
-std::atomic<int> g_last{0};  // wherever it came
+std::atomic<int> g_last{0};  // outside of any guard
 static_assert(std::atomic<int>::is_always_lock_free);
 sem_t g_came;
 
@@ -32,7 +32,7 @@ sem_t g_came;
 struct Begun {
   std::mutex mutex;
   std::set<fs::path> paths;
-  std::string explanation;  ///< of exceptions that nothing can catch
+  std::string explanation;  ///< for exceptions that nothing can catch
 };
 
 Begun& TheBegun() {
@@ -45,8 +45,8 @@ void Remove(const fs::path& path) {
   fs::remove_all(path, ignored);
 }
 
-/// Says the sentence, and ends without what is unfinished. With the lock of TheBegun, for good:
-/// nothing else begins.
+/// Writes the sentence and ends the program without unfinished files. The caller keeps the lock of
+/// TheBegun, so nothing else begins.
 [[noreturn]] void EndWith(const std::string& sentence, int status) {
   for (const fs::path& path : TheBegun().paths) Remove(path);
   const std::string line =
@@ -62,7 +62,7 @@ void Remove(const fs::path& path) {
           StatusOfSignal(number));
 }
 
-/// In a destructor, or in a thread that a library started, where nothing can catch it.
+/// For an exception in a destructor, or in a thread of a library, where nothing can catch it.
 [[noreturn]] void EndOnUncaught() {
   std::string what = "an exception of an unknown kind";
   try {
@@ -71,7 +71,7 @@ void Remove(const fs::path& path) {
     what = SentenceOf(error);
   } catch (...) {
   }
-  if (!TheBegun().mutex.try_lock()) std::abort();  // held by who threw it
+  if (!TheBegun().mutex.try_lock()) std::abort();  // the thrower has it
   EndWith(fmt::format("error: a library failed where nothing can go on: {}{}", what,
                       TheBegun().explanation),
           1);
@@ -104,7 +104,7 @@ int InterruptGuard::Take() { return g_signal.exchange(0); }
 void EndOnInterrupt() {
   std::set_terminate(EndOnUncaught);
   ::sem_init(&g_came, 0, 0);
-  // A handler may do next to nothing; the thread may remove files.
+  // A signal handler may do nearly nothing; the thread may remove files.
   std::vector<std::thread> threads;
   const auto wait = [] {
     while (::sem_wait(&g_came) != 0) {

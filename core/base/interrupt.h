@@ -8,9 +8,8 @@
 
 namespace volalign {
 
-/// While it lives, SIGINT and SIGTERM end nothing and are noted, and children can be waited for
-/// even where this process was started with SIGCHLD ignored. One made while another lives notes
-/// the same signals as that one. For one thread.
+/// While it lives, SIGINT and SIGTERM are only noted. Children can be waited for even if this
+/// process was started with SIGCHLD ignored. Nested guards note the same signals. For one thread.
 class InterruptGuard {
  public:
   InterruptGuard();
@@ -18,7 +17,7 @@ class InterruptGuard {
   InterruptGuard(const InterruptGuard&) = delete;
   InterruptGuard& operator=(const InterruptGuard&) = delete;
 
-  /// Which of them came last since the outermost guard began; 0: none.
+  /// The last of these signals since the outermost guard began; 0: none.
   int Signal() const;
   /// The same, and forgets it.
   int Take();
@@ -31,22 +30,22 @@ class InterruptGuard {
 /// The status with which a program ends on a signal, as a shell gives it.
 constexpr int StatusOfSignal(int number) { return 128 + number; }
 
-/// From now on SIGINT and SIGTERM end the program wherever no InterruptGuard lives: with a sentence
-/// on stderr, without its Unfinished files and folders, with StatusOfSignal. One that is ignored
-/// stays so. Where the system gives no thread for it, signals do what they do by themselves. An
-/// exception that nothing can catch ends the program likewise, with status 1. For main, before it
-/// begins.
+/// From now on SIGINT and SIGTERM end the program, unless an InterruptGuard lives. It writes a
+/// sentence to stderr, removes its Unfinished files and folders, and ends with StatusOfSignal. A
+/// signal that is ignored stays so. If the system gives no thread for it, signals have their
+/// default effect. An exception that nothing can catch ends the program likewise, with status 1.
+/// For main, before other work.
 void EndOnInterrupt();
 
-/// What EndOnInterrupt says behind an exception that nothing can catch: what a library's threads
-/// are at, and what may be wrong there. Stays from now on.
+/// A sentence that EndOnInterrupt adds to an exception that nothing can catch: the work of a
+/// library's threads, and what may be wrong there. Valid from now on.
 void ExplainUncaught(const std::string& sentence);
 
-/// EndOnInterrupt waits while the lock is held: for steps that belong together and take no time.
+/// EndOnInterrupt waits for this lock. For short steps that belong together.
 std::unique_lock<std::mutex> HoldInterrupts();
 
-/// A file or folder that is being written: removed with the object, and by EndOnInterrupt, unless
-/// it is complete.
+/// A file or folder that is being written. The object and EndOnInterrupt remove it unless it is
+/// complete.
 class Unfinished {
  public:
   /// `create` makes it and returns its path.

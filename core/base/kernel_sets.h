@@ -26,7 +26,7 @@ namespace volalign {
   namespace avx512 = baseline;
 #endif
 
-/// Kernels for the instruction sets that this processor can run, the plainest first.
+/// Kernels for the instruction sets of this processor, the simplest first.
 template <class Kernels>
 struct KernelSets {
   Kernels sets[3];

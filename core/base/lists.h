@@ -7,14 +7,14 @@
 
 namespace volalign {
 
-/// Sorts by what key(item) gives, the largest first; equals stay in their order.
+/// Sorts by key(item), the largest first; equal items keep their order.
 template <class T, class Key>
 void SortLargestFirst(std::vector<T>* items, const Key& key) {
   std::stable_sort(items->begin(), items->end(),
                    [&](const T& a, const T& b) { return key(a) > key(b); });
 }
 
-/// Sorts them so, and keeps `most` at most.
+/// Sorts as SortLargestFirst, and keeps at most `most`.
 template <class T, class Key>
 void KeepLargest(std::size_t most, std::vector<T>* items, const Key& key) {
   SortLargestFirst(items, key);
@@ -22,7 +22,7 @@ void KeepLargest(std::size_t most, std::vector<T>* items, const Key& key) {
     items->erase(items->begin() + static_cast<std::ptrdiff_t>(most), items->end());
 }
 
-/// At most `most` items, evenly taken.
+/// At most `most` items, evenly spaced.
 template <class T>
 std::vector<T> Thinned(const std::vector<T>& items, std::size_t most) {
   if (items.size() <= most) return items;
@@ -32,7 +32,7 @@ std::vector<T> Thinned(const std::vector<T>& items, std::size_t most) {
   return some;
 }
 
-/// Appends an item unless same(other) is true of one that is there.
+/// Appends an item unless same(other) is true for one of the list.
 template <class T, class Same>
 void AddIfNew(T item, std::vector<T>* items, const Same& same) {
   if (std::none_of(items->begin(), items->end(), same)) items->push_back(std::move(item));

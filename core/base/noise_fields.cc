@@ -41,8 +41,7 @@ Image<float> SmoothField(int width, int height, double correlation_px, RandomStr
   Image<float> grid(columns.Nodes(), rows.Nodes());
   loops.normal(noise.key(), 0, static_cast<int>(grid.size()), grid.data());
 
-  // Along the few rows of nodes first, so that what is left for each pixel runs along contiguous
-  // rows.
+  // Along the few rows of nodes first, so that the work for each pixel is along contiguous rows.
   Image<float> lines(width, grid.height());
   for (int j = 0; j < grid.height(); ++j)
     loops.along(&grid(0, j), columns.first.data(), columns.weights.data(), width, &lines(0, j));

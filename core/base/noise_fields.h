@@ -9,8 +9,8 @@
 
 namespace volalign {
 
-/// Cheap per-pixel numbers: a counter hashed by SplitMix64 (Steele et al., OOPSLA 2014), keyed by
-/// two draws of a RandomStream. Bit-equal whatever runs beside it.
+/// Cheap random numbers for pixels: a counter hashed by SplitMix64 (Steele et al., OOPSLA 2014),
+/// keyed by two draws of a RandomStream. Bit-equal on any number of threads.
 class PixelRandom {
  public:
   explicit PixelRandom(RandomStream& random)
@@ -54,7 +54,7 @@ void SmoothUnitNoise(double sigma_u, double sigma_v, Image<float>* noise,
                      const FieldLoops& loops = BestFieldLoops());
 
 /// Calls visit(u, v, p, q, pair) for each pixel (u, v) and its neighbour (p, q), first the right
-/// one, then the one below; `pair` is a number of the pair's own, for PixelRandom.
+/// one, then the lower one. `pair` is the pair's own number, for PixelRandom.
 template <class Visit>
 void ForEachNeighbourPair(int width, int height, const Visit& visit) {
   for (int v = 0; v < height; ++v) {

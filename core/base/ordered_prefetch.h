@@ -18,25 +18,26 @@
 namespace volalign {
 
 /// An endless stream of items that worker threads produce ahead of its reader. Items are functions
-/// of their index, and come out in the order of the index whatever the number of threads (as from
+/// of their index, and come in the order of the index for any number of threads (as from
 /// torch.utils.data.DataLoader). `Item` is default constructible and movable.
 template <class Item>
 class OrderedPrefetch {
  public:
   struct Options {
     std::uint64_t first_index = 0;
-    /// Consecutive items that the reader takes together, from multiples of batch_size on.
+    /// Consecutive items that the reader takes together, beginning at multiples of batch_size.
     int batch_size = 1;
-    /// Batches begun but not taken: this bounds the memory. A batch is taken with its last item.
+    /// Most batches that are begun but not taken: this bounds the memory. A batch is taken with its
+    /// last item.
     int prefetch = 4;
     int num_threads = 1;
   };
   using Produce = std::function<Item(std::uint64_t index)>;
 
-  /// Each worker calls `make_produce` before its first item, several of them perhaps at a time;
-  /// what it returns lives on that thread alone and is destroyed there, so that it may own a GL
-  /// context. Where the system gives fewer than num_threads, those do the work. Throws Error for
-  /// options below 1, and when the system gives no thread at all.
+  /// Each worker calls `make_produce` before its first item, possibly several at a time. The result
+  /// lives on that thread alone and is destroyed there, so it may own a GL context. Fewer threads
+  /// work if the system gives no more. Throws Error for options below 1, and if the system gives no
+  /// thread at all.
   OrderedPrefetch(const Options& options, std::function<Produce()> make_produce)
       : options_(options),
         make_produce_(std::move(make_produce)),
@@ -66,8 +67,8 @@ class OrderedPrefetch {
   OrderedPrefetch(const OrderedPrefetch&) = delete;
   OrderedPrefetch& operator=(const OrderedPrefetch&) = delete;
 
-  /// The next item, waiting for it; for one thread at a time. Rethrows what `make_produce` or the
-  /// producer threw for this item, and again in every later call.
+  /// The next item, waiting for it; for one thread at a time. Rethrows an exception of
+  /// `make_produce` or of the producer for this item, and again in every later call.
   Item Take() {
     std::unique_lock<std::mutex> lock(mutex_);
     finished_.wait(lock, [this] { return done_.count(out_) > 0; });
@@ -106,7 +107,7 @@ class OrderedPrefetch {
     }
   }
 
-  /// Waits for room and takes the next index. False when the stream ends.
+  /// Waits for room and takes the next index. False if the stream ends.
   bool Claim(std::uint64_t* index) {
     std::unique_lock<std::mutex> lock(mutex_);
     const auto batch_size = static_cast<std::uint64_t>(options_.batch_size);

@@ -5,10 +5,9 @@
 
 namespace volalign {
 
-/// Runs task(0), ..., task(count - 1) on `threads` threads, the calling one included, and rethrows
-/// the first exception when all have ended. Where the system gives fewer threads, those do the
-/// work. Where the caller is asked to stop (core/base/stop.h), so are its threads, and no task
-/// begins.
+/// Runs task(0), ..., task(count - 1) on `threads` threads, including the calling one. Rethrows the
+/// first exception when all have ended. Fewer threads work if the system gives no more. If the
+/// caller is asked to stop (core/base/stop.h), so are its threads, and no task begins.
 void ParallelFor(std::size_t count, int threads, const std::function<void(std::size_t)>& task);
 
 }  // namespace volalign

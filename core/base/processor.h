@@ -2,7 +2,7 @@
 
 namespace volalign {
 
-/// Instructions that this processor has, of those that kernels are compiled for.
+/// Instruction sets of this processor for which kernels exist.
 struct Processor {
   bool avx2 = false;    ///< with fused multiplication and addition
   bool avx512 = false;  ///< F, BW, DQ and VL

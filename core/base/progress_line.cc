@@ -21,8 +21,8 @@ constexpr std::chrono::milliseconds kInterval(200);
 constexpr char kWipe[] = "\r\x1b[K";
 constexpr double kMinute = 60, kHour = 60 * kMinute, kDay = 24 * kHour;
 
-/// So much of a line as the terminal has columns: a longer one would go on in the next line, which
-/// is not wiped.
+/// As much of a line as the terminal has columns. The rest of a longer one would stay on the next
+/// line.
 std::string Fitted(const std::string& line) {
   winsize size{};
   if (::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return line;

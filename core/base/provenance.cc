@@ -11,7 +11,7 @@
 
 namespace volalign {
 
-// Of version.cc, which cmake/WriteVersion.cmake writes.
+// Defined in version.cc, which cmake/WriteVersion.cmake writes.
 extern const char kVersion[], kCommit[];
 
 namespace {

@@ -40,7 +40,7 @@ std::array<std::uint32_t, 4> Philox4x32(std::array<std::uint32_t, 4> counter,
 
 RandomStream::RandomStream(std::uint64_t seed, std::uint64_t index, std::string_view stage) {
   // One Philox call under the seed turns (stage, index) into the stream's own key and upper half of
-  // the counter. It is a bijection: with one seed, two streams share no block.
+  // the counter. It is a bijection, so two streams of one seed share no block.
   const std::uint64_t name = HashName(stage);
   const std::array<std::uint32_t, 4> derived =
       Philox4x32({static_cast<std::uint32_t>(name), static_cast<std::uint32_t>(name >> 32),

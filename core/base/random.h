@@ -11,9 +11,9 @@ namespace volalign {
 std::array<std::uint32_t, 4> Philox4x32(std::array<std::uint32_t, 4> counter,
                                         std::array<std::uint32_t, 2> key);
 
-/// A stream of random numbers that depends on (seed, index, stage) alone:
-/// switching one stage off leaves every other stage's draws as they were. Bit-equal on every
-/// machine up to the C library's log and cos in Normal().
+/// A stream of random numbers that depends only on (seed, index, stage). So a stage that is
+/// switched off does not change the draws of others. Bit-equal on every machine up to the C
+/// library's log and cos in Normal().
 class RandomStream {
  public:
   RandomStream(std::uint64_t seed, std::uint64_t index, std::string_view stage);

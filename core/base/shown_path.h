@@ -7,8 +7,8 @@
 
 namespace volalign {
 
-/// What of a path stands in a message: Shortened. Linux has none of more than 4,096 bytes, and
-/// hardly anybody one of more than 500.
+/// A path for a message: Shortened. Linux has no path of more than 4,096 bytes, and hardly anybody
+/// one of more than 500.
 inline std::string ShownPath(const std::filesystem::path& path) {
   return Shortened(path.string(), 500);
 }

@@ -11,9 +11,9 @@ namespace volalign {
 /// Factor from the median absolute deviation of a normal distribution to its standard deviation.
 inline constexpr double kMadToSigma = 1.4826;
 
-/// The element of the rank nearest to q * (n - 1), 0 <= q <= 1, when values are sorted, so that no
-/// value is invented; of two as near the upper one: Quantile(values, 0.5) is the upper median. 0 of
-/// nothing. O(n).
+/// The element of the rank nearest to q * (n - 1), 0 <= q <= 1, in the order of values. So it is
+/// one of the values. If two ranks are equally near, it is the upper one: Quantile(values, 0.5) is
+/// the upper median. 0 if there are no values. O(n).
 template <class T>
 T Quantile(std::vector<T> values, double q) {
   if (values.empty()) return T();

@@ -4,12 +4,12 @@
 
 namespace volalign {
 
-/// Thrown by work that was asked to stop. No Error: nothing is wrong, and nobody handles it on its
-/// way out.
+/// Thrown by work that was asked to stop. It is no Error: nothing is wrong, and nothing between
+/// handles it.
 class Stopped {};
 
 /// While it lives, work on this thread, and on the threads that ParallelFor starts for it, ends
-/// with Stopped soon after `asked` becomes true. Scopes nest: the innermost one counts.
+/// with Stopped soon after `asked` becomes true. Scopes may be nested: the innermost one counts.
 class StopScope {
  public:
   explicit StopScope(const std::atomic<bool>* asked);
@@ -17,7 +17,7 @@ class StopScope {
   StopScope(const StopScope&) = delete;
   StopScope& operator=(const StopScope&) = delete;
 
-  /// What the innermost scope of this thread looks at; null where there is none.
+  /// The flag of this thread's innermost scope; null if there is none.
   static const std::atomic<bool>* Current();
 
  private:
@@ -26,7 +26,7 @@ class StopScope {
 
 bool IsStopAsked();
 
-/// Called by work that takes long, several times a second.
+/// For work that takes long; to be called several times a second.
 void ThrowIfStopped();
 
 }  // namespace volalign

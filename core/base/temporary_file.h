@@ -8,17 +8,17 @@
 
 namespace volalign {
 
-/// What a name says that ends as WriteFileAtomically's temporary ones do: .tmp-PID-N, formerly
+/// The parts of a name that ends as WriteFileAtomically's temporary ones do: .tmp-PID-N, formerly
 /// .tmp-PID.
 struct TemporaryFile {
-  std::string of;  ///< the name of the file that it was to become
+  std::string of;  ///< the name of the final file
   pid_t writer = 0;
 };
 
-/// None for another name.
+/// Nothing for another name.
 std::optional<TemporaryFile> ReadTemporary(const std::string& name);
 
-/// Removes the temporary files of `file` that killed processes left: their writer is gone, and none
+/// Removes the temporary files of `file` that killed processes left. Their writer is gone, and none
 /// on another machine has them locked, as WriteFileAtomically does while it writes.
 void RemoveAbandoned(const std::filesystem::path& file);
 

@@ -19,7 +19,8 @@ Error::Error(const std::string& message) : std::runtime_error(MessageLine(messag
 
 namespace {
 
-/// With apostrophes before it, too, which CsvQuoted and CsvText would else mix up with their own.
+/// A formula may have apostrophes before it. CsvQuoted and CsvText would otherwise confuse them
+/// with their own.
 bool IsFormula(const std::string& text) {
   const std::size_t begin = text.find_first_not_of('\'');
   if (begin == std::string::npos || std::string("=+-@").find(text[begin]) == std::string::npos) {
@@ -29,13 +30,13 @@ bool IsFormula(const std::string& text) {
   return begin > 0 || !NumberOf(cell);
 }
 
-/// A letter of UTF-8; 0 bytes where there is none.
+/// A character of UTF-8; 0 bytes if there is none.
 struct Letter {
   std::uint32_t code = 0;
   std::size_t bytes = 0;
 };
 
-/// What stands at `at`, by RFC 3629: in the fewest bytes, no half of a pair of UTF-16.
+/// The character at `at` by RFC 3629: in the fewest bytes, no half of a pair of UTF-16.
 Letter LetterAt(const std::string& text, std::size_t at) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
   if (byte(0) < 0x80) return {byte(0), 1};
@@ -55,14 +56,14 @@ Letter LetterAt(const std::string& text, std::size_t at) {
   return {code, bytes};
 }
 
-/// Where the letter of UTF-8 begins that has the byte `at`.
+/// Beginning of the UTF-8 character that contains the byte `at`.
 std::size_t LetterBegin(const std::string& text, std::size_t at) {
   while (at > 0 && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80) --at;
   return at;
 }
 
-/// Control characters, those that turn the direction of what follows, those that end a line, and
-/// those of no width that belong to no script.
+/// Control characters, characters that change the direction of text or end a line, and those
+/// without width that belong to no script.
 bool IsHidden(std::uint32_t code) {
   constexpr std::pair<std::uint32_t, std::uint32_t> kHidden[] = {
       {0, 0x1f},        {0x7f, 0x9f},     {0xad, 0xad},      {0x61c, 0x61c},

@@ -10,21 +10,21 @@ class Node;
 
 namespace volalign {
 
-/// No document of volalign's, nor of the programs that it reads files of, comes near these. What
-/// an alias (*name) stands for counts each time: a few hundred bytes of aliases of aliases are
-/// billions of nodes, and an alias inside its own anchor has no end.
+/// Limits far above all documents of volalign and of the programs whose files it reads. An alias
+/// (*name) counts each time. Otherwise, with an alias inside another, a few hundred bytes would be
+/// billions of nodes, and one inside its own anchor would never end.
 inline constexpr std::size_t kMaxYamlNodes = 1'000'000;
 inline constexpr int kMaxYamlDepth = 64;
 
-/// Of a text with several documents (---): an error, since nothing would be said of the others; or
-/// the first one, of streams that other programs write.
+/// For a text with several documents (---): kOne refuses it, so that none is ignored. kFirst takes
+/// the first one, for streams of other programs.
 enum class YamlDocuments { kOne, kFirst };
 
-/// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException, as that does,
-/// with the line and, beyond a limit, the limit. The one way to YAML in volalign.
+/// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException with the line
+/// and, beyond a limit, the limit. All YAML of volalign is read by it.
 YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocuments::kOne);
 
-/// What is wrong, in words, without the line: yaml-cpp says of a value of another kind "bad
+/// A description of the fault without the line. For a value of another kind, yaml-cpp says "bad
 /// conversion".
 std::string YamlProblem(const YAML::Exception& error);
 

@@ -132,7 +132,7 @@ using Leaves = std::map<std::string, ConfigSource::Leaf>;
 
 class Flattener {
  public:
-  /// Without `lines`, `name` is where everything stands.
+  /// Without `lines`, `name` is the place of every key.
   Flattener(const std::string& name, Leaves* leaves, bool lines = true)
       : name_(name), lines_(lines), leaves_(leaves) {}
 
@@ -275,7 +275,7 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
   }
   if (value.IsNull()) throw ConfigError(fmt::format("{} {}: there is no value", where, assignment));
   Flattener(where, &given, /*lines=*/false).Value(value, key, where);
-  // A list takes the place of what stood there; an item of the list ends its being empty.
+  // A list replaces earlier values. An item of the list replaces its being empty.
   if (value.IsSequence()) {
     leaves_.erase(key);
     const std::string items = key + "[";
@@ -359,7 +359,7 @@ std::string ConfigReader::NameInSource(const std::string& name,
       throw ConfigError(fmt::format("{} ({}) is the former name of {} ({}): leave one of them out",
                                     was, former->second.where, is, present->second.where));
     }
-    // A configuration that a file holds is read again from what was saved of it.
+    // A configuration in a file is read again from its saved copy, so warn once.
     static std::mutex mutex;
     static std::set<std::string> warned;
     const std::lock_guard<std::mutex> lock(mutex);
@@ -380,7 +380,7 @@ const ConfigSource::Leaf* ConfigReader::Find(const std::string& key, bool sequen
     }
     return nullptr;
   }
-  // A single value where a list is wanted is a list of one.
+  // A single value for a list is a list of one.
   if (found->second.is_sequence && !sequence) {
     throw ConfigError(
         fmt::format("{} wants a single value, not a list ({})", key, found->second.where));
@@ -476,13 +476,13 @@ std::size_t EditDistance(const std::string& a, const std::string& b) {
 }  // namespace
 
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known) {
-  constexpr std::size_t kLongestKey = 200;  // the time goes with the length
+  constexpr std::size_t kLongestKey = 200;  // the time grows with the length
   if (key.size() > kLongestKey) return "";
   const auto last_part = [](const std::string& k) { return k.substr(k.rfind('.') + 1); };
   const std::string name = last_part(key);
   const bool grouped = name.size() < key.size();
   std::string best;
-  // Of the last part, or else of one of its words; then of the whole key.
+  // By the last part, or else by one of its words; then by the whole key.
   std::tuple<std::size_t, bool, std::size_t> least;
   for (const std::string& candidate : known) {
     const std::string other = last_part(candidate);

@@ -17,7 +17,7 @@
 
 namespace volalign {
 
-/// Configuration: plain structs with defaults that describe their keys once,
+/// Configuration: plain structs with defaults, which describe their keys once.
 ///
 /// ```cpp
 /// struct OptimizerConfig {
@@ -29,8 +29,8 @@ namespace volalign {
 /// };
 /// ```
 ///
-/// and from that description are read (unknown or duplicate keys are errors that name file, line
-/// and the nearest known key), checked, written back in full, and documented.
+/// From that description they are read, checked, written back in full, and documented. Unknown or
+/// duplicate keys are errors that name file, line and the nearest known key.
 
 /// A condition on a number or string; `text` completes "KEY = VALUE violates KEY ...".
 struct Constraint {
@@ -47,21 +47,21 @@ Constraint Above(double low);
 Constraint AtLeast(double low);
 Constraint Between(double low, double high);  ///< closed interval
 Constraint OneOf(std::vector<std::string> words);
-/// The key has no default: a file that does not give it is in error.
+/// The key has no default. A file without it is in error.
 Constraint Required();
-/// The key or group is read under this name, too, with a warning on stderr that names the present
-/// one. Files that give both are in error.
+/// The key or group is also read under this name. A warning on stderr names the present one. Files
+/// that give both are in error.
 Constraint FormerlyNamed(std::string name);
-/// A key of the same group that is gone. A file that gives it is in error, and `instead` says in a
-/// sentence which key or mechanism does its work. `harmless`: the value with which it had no
-/// effect, which saved configurations have; it is passed over.
+/// A key of the same group that was removed. A file that gives it is in error. `instead` says in a
+/// sentence which key or mechanism replaces it. `harmless`: a value without effect, which saved
+/// configurations have; it is ignored.
 Constraint Removed(std::string name, std::string instead,
                    std::optional<std::vector<std::string>> harmless = std::nullopt);
-/// Removed, of a key that was a number and has one value now.
+/// Removed, for a key that was a number and has one value now.
 Constraint Fixed(std::string name, double value);
 
 /// The leaves of a YAML document, flattened: "train.lr" -> {"2e-4", "configs/a.yaml:12"}. Sequences
-/// of scalars are one leaf; sequences of maps become "sensors[0].name", sequences of sequences
+/// of scalars are one leaf. Sequences of maps become "sensors[0].name", sequences of sequences
 /// "intrinsics[0]".
 class ConfigSource {
  public:
@@ -72,24 +72,24 @@ class ConfigSource {
   };
 
   ConfigSource() = default;
-  /// Reads a YAML file. The file or files of a top-level key `inherits`, relative to the file or in
-  /// the data folder, are read first, in order; what comes later overrides leaf by leaf. Throws
-  /// IoError, or ConfigError on bad YAML, duplicate keys or a cycle of inheritance.
+  /// Reads a YAML file. A top-level key `inherits` names files, relative to the file or in the data
+  /// folder, that are read first, in order. Later values override earlier ones leaf by leaf. Throws
+  /// IoError, or ConfigError for bad YAML, duplicate keys or a cycle of inheritance.
   static ConfigSource FromFile(const std::string& path);
   static ConfigSource FromString(const std::string& yaml, const std::string& name);
   /// The maps of a document that is a list of maps. Throws ConfigError.
   static std::vector<ConfigSource> ListFromString(const std::string& yaml, const std::string& name);
-  /// `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]",
-  /// "sensors=[{name: A}]", "train={lr: 1e-3}". Throws ConfigError. `where` is what messages call
-  /// its place.
+  /// Sets `key=value`, value in YAML's flow syntax: "train.lr=1e-3", "pose.rho_cm=[150, 225]",
+  /// "sensors=[{name: A}]", "train={lr: 1e-3}". `where` is its place in messages. Throws
+  /// ConfigError.
   void Set(const std::string& assignment, const std::string& where = "--set");
   /// The leaves whose keys begin with one of these.
   ConfigSource Only(const std::vector<std::string>& beginnings) const;
 
   const std::map<std::string, Leaf>& leaves() const { return leaves_; }
-  /// The first leaf of a key, a group or a list; null where there is none.
+  /// The first leaf of a key, a group or a list; null if there is none.
   const std::pair<const std::string, Leaf>* Find(const std::string& key) const;
-  /// "file:line" of it; where there is none, that of the group around it.
+  /// "file:line" of the key, or else of the group around it.
   std::string WhereOf(std::string key) const;
 
  private:
@@ -124,7 +124,7 @@ std::string ScalarText(const T& value) {
     return NumberText(static_cast<double>(value));
   }
 }
-/// Throw ConfigError that names key, value and place when the text is of another type.
+/// Throw ConfigError with key, value and place if the text is of another type.
 bool ParseBool(const std::string& text, const std::string& key, const std::string& where);
 std::int64_t ParseInt(const std::string& text, const std::string& key, const std::string& where);
 double ParseDouble(const std::string& text, const std::string& key, const std::string& where);
@@ -146,7 +146,7 @@ T ParseScalar(const std::string& text, const std::string& key, const std::string
     return static_cast<T>(ParseDouble(text, key, where));
   }
 }
-/// A number, or a word where there is none.
+/// Checks a number, or a word if there is no number.
 void Check(const std::string& text, std::optional<double> number,
            const std::vector<Constraint>& constraints, const std::string& key,
            const std::string& where);
@@ -162,7 +162,7 @@ void CheckScalar(const T& value, const std::vector<Constraint>& constraints, con
 /// Fills a struct from a source; remembers which keys exist.
 class ConfigReader {
  public:
-  /// Without `complete`, Required asks for nothing.
+  /// Without `complete`, Required keys may be missing.
   explicit ConfigReader(const ConfigSource& source, bool complete = true)
       : source_(source), complete_(complete) {}
 
@@ -232,8 +232,8 @@ class ConfigReader {
   std::string prefix_;
 };
 
-/// Writes a struct as YAML, every key with its value (the resolved config), or as a list in
-/// Markdown, one item for each key: name, default, constraint, meaning.
+/// Writes a struct as YAML with every key and its value (the resolved configuration). Or writes a
+/// list in Markdown, one item per key: name, default, constraint, meaning.
 class ConfigWriter {
  public:
   enum class Form { kYaml, kMarkdown };
@@ -280,7 +280,7 @@ class ConfigWriter {
   }
   /// In quotes, in YAML.
   std::string Word(const std::string& word) const;
-  /// The described object stands behind `begin`.
+  /// Writes a described object behind `begin`.
   template <class T>
   void Group(const std::string& begin, T& value) {
     const std::string outer = begin_;
@@ -294,7 +294,7 @@ class ConfigWriter {
 
   Form form_;
   std::string text_;
-  std::string begin_;  ///< of lines in YAML, with the dash of an item in its first; of keys else
+  std::string begin_;  ///< of lines: in YAML with the dash of an item in its first; else of keys
 };
 
 /// Reads and checks a whole struct; unknown keys are errors.
@@ -322,7 +322,7 @@ std::string DocumentConfig(T config = T()) {
   return writer.text();
 }
 
-/// Checks a struct that was filled in code: throws ConfigError like reading does.
+/// Checks a struct that was filled in code. Throws ConfigError as reading does.
 template <class T>
 void ValidateConfig(T config) {
   ConfigSource empty;
@@ -330,7 +330,8 @@ void ValidateConfig(T config) {
   config.Describe(reader);
 }
 
-/// The known keys, joined by "' or '", whose last part or a word of it is nearest to that of `key`.
+/// The known keys, joined by "' or '", whose last part, or a word of it, is nearest to that of
+/// `key`.
 std::string NearestKey(const std::string& key, const std::vector<std::string>& known);
 
 }  // namespace volalign

@@ -10,8 +10,8 @@
 
 namespace volalign {
 
-/// The words that stand for the values of an enum, each value once. An enum that files spell has a
-/// function `WordsOf(Enum)` beside it, which returns its Words; with it come ToString and AllOf, by
+/// The words for the values of an enum, each value once. An enum that appears in files has a
+/// function `WordsOf(Enum)` beside it, which returns its Words. This gives ToString and AllOf, by
 /// which configurations, JSON, options and messages read and write it.
 template <class Enum, std::size_t N>
 using Words = std::array<std::pair<const char*, Enum>, N>;
@@ -47,7 +47,7 @@ std::vector<std::string> WordsOfAll() {
   return words;
 }
 
-/// Gives `value` what the word stands for; false where it stands for nothing.
+/// Sets `value` to the meaning of the word; false if the word has none.
 template <class Enum>
 bool FromWord(const std::string& word, Enum* value) {
   for (const Enum candidate : AllOf(Enum())) {

@@ -21,7 +21,7 @@ namespace volalign {
 
 namespace {
 
-// No depth sensor comes near these; a file that claims more is refused before memory is taken.
+// Limits far above any depth sensor. Larger files are refused before memory is allocated.
 constexpr int kMaxSide = 1 << 15;
 constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
 
@@ -50,7 +50,7 @@ void ReadBytes(png_structp png, png_bytep out, png_size_t size) {
   state->at += size;
 }
 
-/// libpng leaves through longjmp: nothing with a destructor may live between setjmp and the calls.
+/// libpng returns by longjmp: no object with a destructor may live between setjmp and the calls.
 bool DecodeRows(png_structp png, png_infop info, std::size_t file_size, Pixels* pixels,
                 std::vector<png_bytep>* rows) {
   if (setjmp(png_jmpbuf(png))) return false;
@@ -68,7 +68,7 @@ bool DecodeRows(png_structp png, png_infop info, std::size_t file_size, Pixels* 
   png_set_interlace_handling(png);
   png_read_update_info(png, info);
   const std::size_t row = png_get_rowbytes(png, info);
-  // Deflate packs at most 1032 to 1: a small file that announces a huge image is not worth a try.
+  // Deflate packs at most 1032 to 1: a small file that announces a huge image is truncated.
   if (row * static_cast<std::size_t>(pixels->height) / 1100 > file_size)
     png_error(png, "the file is truncated");
   if (static_cast<std::size_t>(pixels->width) * static_cast<std::size_t>(pixels->height) >
@@ -236,7 +236,7 @@ Image16 DecodePgm(const std::string& bytes, const std::string& name) {
   return image;
 }
 
-/// Of a PNG with so many bits and channels, which `kind` has. Throws DataError for others.
+/// Decodes a PNG with these bits and channels, which `kind` has. Throws DataError for others.
 template <class Pixel>
 Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const char* kind, int bits,
                       int channels) {

@@ -7,12 +7,12 @@
 
 namespace volalign {
 
-/// Reads a 16-bit depth file by its content: PNG (16-bit grey), PGM ASCII (P2) or PGM binary (P5,
-/// 8 or 16 bits). Throws IoError if the file cannot be opened, is no regular file or has over 512
-/// MiB, DataError if it is truncated, of another kind, of over 2^26 pixels or holds values above
-/// its maximum.
+/// Reads a 16-bit depth file, whose format its content shows: PNG (16-bit grey), PGM ASCII (P2) or
+/// PGM binary (P5, 8 or 16 bits). Throws IoError if the file cannot be opened, is no regular file
+/// or has over 512 MiB. Throws DataError if it is truncated, of another kind, of over 2^26 pixels
+/// or has values above its maximum.
 Image16 ReadDepthFile(const std::filesystem::path& path);
-/// The same of such a file in memory; `name` begins every message.
+/// The same for the content of a file; `name` begins every message.
 Image16 DecodeDepth(const std::string& bytes, const std::string& name);
 
 /// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.
@@ -21,9 +21,9 @@ LabelImage ReadPng8(const std::filesystem::path& path);
 /// Reads an 8-bit RGB PNG. Throws IoError or DataError.
 RgbImage ReadPngRgb(const std::filesystem::path& path);
 
-/// What a PNG is to be: small, or encoded some ten times faster for a tenth more bytes (data sets).
+/// Smallest size, or encoding some ten times faster for a tenth more bytes (data sets).
 enum class PngEffort { kSmall, kFast };
-/// Of an Image16, LabelImage or RgbImage, as WritePng.
+/// Encodes an Image16, LabelImage or RgbImage in memory.
 template <class Pixel>
 std::string EncodePng(const Image<Pixel>& image, PngEffort effort = PngEffort::kSmall);
 

@@ -21,7 +21,7 @@ struct Indexed {
   std::vector<Rgb> palette;
 };
 
-/// False where the picture has too many colours.
+/// False if the picture has too many colours.
 bool ToIndices(const RgbImage& picture, Indexed* indexed) {
   std::unordered_map<std::uint32_t, std::uint8_t> known;
   indexed->indices.reserve(picture.size());
@@ -53,7 +53,7 @@ std::string EncodePalettePng(const RgbImage& picture) {
   image.version = PNG_IMAGE_VERSION;
   image.width = static_cast<png_uint_32>(picture.width());
   image.height = static_cast<png_uint_32>(picture.height());
-  // No filters, which do nothing for pictures of few colours, and a third of the time.
+  // Without filters: they do nothing for pictures of few colours and cost a third of the time.
   image.flags = PNG_IMAGE_FLAG_FAST;
   image.format = few ? PNG_FORMAT_RGB_COLORMAP : PNG_FORMAT_RGB;
   image.colormap_entries = static_cast<png_uint_32>(indexed.palette.size());

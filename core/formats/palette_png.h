@@ -6,8 +6,8 @@
 
 namespace volalign {
 
-/// A PNG with a palette, a third of the size of one without; of a picture with over 256 colours,
-/// one without. Throws Error for an empty picture.
+/// A PNG with a palette, a third of the size of one without. A picture with over 256 colours has no
+/// palette. Throws Error for an empty picture.
 std::string EncodePalettePng(const RgbImage& picture);
 
 }  // namespace volalign

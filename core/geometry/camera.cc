@@ -57,8 +57,8 @@ Intrinsics Intrinsics::Turned(int quarter_turns) const {
     out.fy = in.fx;
     out.cx = in.height - 1 - in.cy;
     out.cy = in.cx;
-    // The image's x axis has become its y axis, and its y axis the opposite of its x axis; the
-    // radial part is the same in all directions.
+    // The image's x axis becomes its y axis, and its y axis the opposite of its x axis. The radial
+    // part is the same in all directions.
     if (!in.distortion.empty()) {
       out.distortion[2] = in.distortion[3];   // p1
       out.distortion[3] = -in.distortion[2];  // p2
@@ -74,7 +74,7 @@ bool operator==(const Intrinsics& a, const Intrinsics& b) {
 
 namespace {
 
-/// An entry of a pool as it stands in the file.
+/// An entry of a pool in the file.
 struct PoolEntry {
   std::string sensor;
   std::array<int, 2> resolution{};

@@ -10,17 +10,17 @@
 namespace volalign {
 
 /// Intrinsics in pixels, pixel centres at integer coordinates: u = fx * x/z + cx, v = fy * y/z + cy
-/// for a pinhole camera; `distortion` is empty, or OpenCV's 4, 5 or 8 coefficients of a lens (k1 k2
-/// p1 p2 k3 k4 k5 k6), through which core/geometry/lens.h projects and finds rays.
+/// for a pinhole camera. `distortion` is empty, or has OpenCV's 4, 5 or 8 coefficients of a lens
+/// (k1 k2 p1 p2 k3 k4 k5 k6). See core/geometry/lens.h for projection and rays.
 struct Intrinsics {
   int width = 0;
   int height = 0;
   double fx = 0, fy = 0, cx = 0, cy = 0;
   std::vector<double> distortion;
 
-  /// Throws DataError, with `what` in its message, unless sizes and focal lengths are positive, all
-  /// numbers are finite, the principal point lies within one image size of the image and the number
-  /// of distortion coefficients is 0, 4, 5 or 8.
+  /// Throws DataError, with `what` in its message, for invalid intrinsics. Sizes and focal lengths
+  /// have to be positive, and all numbers finite. The principal point has to lie within one image
+  /// size of the image. The number of distortion coefficients has to be 0, 4, 5 or 8.
   void Validate(const std::string& what) const;
 
   /// For an image resized to width x height: cx' = (cx + .5) s - .5 (integer pixel centres).
@@ -45,13 +45,14 @@ struct RayTable {
   }
 };
 
-/// A named sensor model's pool of measured intrinsics at one resolution (configs/intrinsics.yaml).
+/// A named kind of sensor with measured intrinsics at one resolution (configs/intrinsics.yaml).
 struct IntrinsicsPoolEntry {
   std::string sensor;
   std::vector<Intrinsics> intrinsics;  ///< all of one resolution
 };
 
-/// Reads the YAML of `configs/intrinsics.yaml`. Throws IoError, or ConfigError (unknown keys too).
+/// Reads the YAML of `configs/intrinsics.yaml`. Throws IoError, or ConfigError (also for unknown
+/// keys).
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path);
 
 }  // namespace volalign

@@ -7,11 +7,11 @@
 
 namespace volalign {
 
-/// The colour camera beside a depth camera, as the device's calibration has it.
+/// The colour camera beside a depth camera, by the device's calibration.
 struct ColourCamera {
   /// p_colour = T p_depth, metres; both frames x right, y down, z forward.
   Pose colour_from_depth = Pose::Identity();
-  std::optional<Intrinsics> intrinsics;  ///< of the colour pictures, where they are known
+  std::optional<Intrinsics> intrinsics;  ///< of the colour pictures, if known
 };
 
 }  // namespace volalign

@@ -6,7 +6,7 @@ namespace volalign {
 
 namespace {
 
-constexpr double kReferenceDepth = 2;  // m, that white_m and smooth_m are for
+constexpr double kReferenceDepth = 2;  // m, reference of white_m and smooth_m
 
 double Growth(double power, double z) { return std::pow(z / kReferenceDepth, power); }
 
@@ -21,7 +21,7 @@ double DepthErrorModel::TiltGrowth(double z) const { return Growth(white_power, 
 double DepthErrorModel::Smooth(double z) const { return smooth_m * SmoothGrowth(z); }
 
 double DepthErrorModel::WithinSurface(double z) const {
-  const double seam = seam_m / std::sqrt(3);  // root mean square of what falls linearly to 0
+  const double seam = seam_m / std::sqrt(3);  // root mean square of a linear fall to 0
   return std::hypot(White(z), Smooth(z), seam);
 }
 

@@ -4,44 +4,43 @@
 
 namespace volalign {
 
-/// How the depths of a kind of sensor err. All parts are independent of each other, and standard
-/// deviations but for the lengths. z is the depth along the optical axis, m.
+/// Depth errors of a kind of sensor. All parts are independent, and standard deviations except for
+/// the lengths. z is the depth along the optical axis, m.
 struct DepthErrorModel {
   double white_m = 0;  ///< of each pixel, at 2 m
   double white_power = 0;
   double smooth_m = 0;  ///< of the error that neighbours share, at 2 m
   double smooth_power = 0;
-  double smooth_rad = 0;  ///< within which the correlation of that error falls to 1/e or so
+  double smooth_rad = 0;  ///< its correlation falls to about 1/e within this angle
   double offset_m = 0;    ///< of a whole frame
   double gain = 0;        ///< of a whole frame, as a share of the depth
-  /// Of a device: by how much its depths are too long or too short, as a share, beyond that. Sigma
-  /// leaves it out: a pose that was brought onto the boxes has taken it up.
+  /// By this share, a device's depths are too long or too short beyond that. Sigma leaves it out,
+  /// as a pose that was fitted to the boxes contains it.
   double unit_gain = 0;
-  /// Of a whole frame, per rad from its middle along each axis of the picture, at 2 m; grows as
-  /// white_m does.
+  /// Tilt of a whole frame, per rad from its middle along each axis of the picture, at 2 m. Grows
+  /// as white_m does.
   double tilt_m = 0;
   double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
   double shear_m = 0;  ///< the same, of surfaces whose picture is sheared (FrameErrorsAt)
-  /// Mean of what light that comes by the floor or by another box adds (BouncedShare); it lies
-  /// evenly between nothing and twice that.
+  /// Mean error from light that comes by the floor or by another box (BouncedShare). The error is
+  /// distributed evenly from 0 to twice the mean.
   double bounce_m = 0;
-  double bounce_reach_m = 0;  ///< from the floor to where that is most
+  double bounce_reach_m = 0;  ///< distance from the floor at which bounce_m is largest
   double seam_m = 0;          ///< in a concave corner, from where it falls linearly
   double seam_reach_m = 0;
   double lateral_rad = 0;   ///< across the ray
   double edge_gap_rad = 0;  ///< without depth on the far side of a depth edge
-  /// Width of the window over which a stereo matcher takes one depth; 0 where pixels have their
-  /// own.
+  /// Width of a stereo matcher's window for one depth; 0 if each pixel has its own.
   double window_rad = 0;
 
   double White(double z) const;
   double Smooth(double z) const;
   double SmoothGrowth(double z) const;  ///< of smooth_m, from 2 m
   double TiltGrowth(double z) const;    ///< of tilt_m and twist_m, from 2 m
-  /// Of a pixel against others of its surface in the same frame, m. Corners count as in the mean
-  /// over their reach.
+  /// Error of a pixel against others of its surface in the same frame, m. Corners count by their
+  /// mean over their reach.
   double WithinSurface(double z) const;
-  /// Of a pixel, all parts, m.
+  /// Error of a pixel, all parts, m.
   double Sigma(double z) const;
 
   template <class Archive>

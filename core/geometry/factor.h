@@ -10,8 +10,8 @@ namespace volalign::refine_internal {
 
 using CholeskyFactor = Eigen::LLT<Eigen::MatrixXd>;
 
-/// The Cholesky factor of a symmetric matrix; nothing where it is not finite or not positive
-/// definite, so that nobody solves with what is left of a failed one.
+/// The Cholesky factor of a symmetric matrix. Nothing if the matrix is not finite or not positive
+/// definite, so that nobody solves with a failed factor.
 inline std::optional<CholeskyFactor> Factor(const Eigen::MatrixXd& symmetric) {
   if (!symmetric.allFinite()) return std::nullopt;
   CholeskyFactor factor(symmetric);
@@ -19,7 +19,7 @@ inline std::optional<CholeskyFactor> Factor(const Eigen::MatrixXd& symmetric) {
   return factor;
 }
 
-/// Logarithm of the determinant of its lower triangle: half that of the matrix's.
+/// Logarithm of the determinant of the factor's lower triangle: half of the matrix's.
 inline double LogRoot(const CholeskyFactor& factor) {
   return factor.matrixLLT().diagonal().array().log().sum();
 }

@@ -7,17 +7,17 @@ namespace volalign {
 
 namespace {
 
-constexpr double kRise = 0.02;  // m, that a box has to rise in front of a side for a seam
-/// Of what the floor reaches: light from a box, which is no wider than that, falls off sooner
+constexpr double kRise = 0.02;  // m: least rise of a box in front of a side for a seam
+/// Share of the floor's reach. Light from a box, which is not wider than that, falls off sooner
 /// (measured as bounce_m is).
 constexpr double kReachOfBox = 0.75;
 
-/// How many times as much bounced light a top gets as an upright side, since walls and ceilings
-/// light it, too (measured as bounce_m is).
+/// Factor on the multipath of a top, since walls and ceilings light it, too (measured as bounce_m
+/// is).
 constexpr double kOnTops = 1.3;
 
-/// Calls visit(nearest, share of its reach) with the point nearest to q of the floor, of an upright
-/// side, and of each box that rises in front of a side.
+/// Calls visit(nearest, share of its reach) for the floor of an upright side, and for each box that
+/// rises in front of the side. `nearest` is the point nearest to q.
 template <class Visit>
 void ForEachSeam(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
                  const Visit& visit) {
@@ -44,7 +44,7 @@ FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vecto
                                const Eigen::Vector3d& normal) {
   const Eigen::Vector3d ray = p / p.z();
   const double x = ray.x(), y = ray.y();
-  // Derivatives of the logarithm of the depth along rows and columns, where the surface is a plane.
+  // Derivatives of the logarithm of the depth along rows and columns, if the surface is a plane.
   const double faces = std::max(std::abs(normal.dot(ray)), kGrazing);
   const double along = normal.x() / faces, across = normal.y() / faces;
   const double s_xx = along * along * ray.squaredNorm() + 2 * along * x + 1;

@@ -1,6 +1,6 @@
 #pragma once
 
-// Depth errors that a whole frame has and that look like another pose.
+// Depth errors of a whole frame that resemble another pose.
 
 #include <Eigen/Core>
 #include <cmath>
@@ -10,16 +10,15 @@
 
 namespace volalign {
 
-/// Cosine of the angle (84 deg) between a ray and a surface's normal beyond which depths say little
-/// of the surface.
+/// Least cosine (84 deg) between a ray and a surface's normal for useful depths.
 inline constexpr double kGrazing = 0.1;
 
-/// Tilts of the depth along rows and along columns, its twist, what shear adds, and bounced light
-/// (DepthErrorModel::tilt_m, twist_m, shear_m, bounce_m), each over its unit.
+/// Tilts of the depth along rows and along columns, its twist, shear, and multipath
+/// (DepthErrorModel::tilt_m, twist_m, shear_m, bounce_m), each divided by its unit.
 enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kBounced, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
-/// Their root mean squares. Bounced light lies evenly between nothing and twice its mean.
+/// Their root mean squares. Multipath is distributed evenly from 0 to twice its mean.
 inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
   FrameErrorVector sigmas;
   sigmas << errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m,
@@ -27,29 +26,29 @@ inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
   return sigmas;
 }
 
-/// By how many m each of them, at 1, adds to the depth of a point p on a surface with this normal;
-/// sensor frame. Without bounced light, which BouncedShare has. Shear: rows of a stereo pair that
-/// do not meet by d are matched with a shift of d S_xy / S_xx along them, where S is the structure
-/// tensor of the picture, which for a texture without direction is the first fundamental form of
-/// the surface over the picture.
+/// Derivative, m, of the depth of a point p on a surface with this normal by each of them; sensor
+/// frame. It is 0 for multipath, see BouncedShare. Shear: rows of a stereo pair that miss each
+/// other by d are matched with a shift of d S_xy / S_xx along them. S is the structure tensor of
+/// the picture. For a texture without direction, it is the first fundamental form of the surface
+/// over the picture.
 FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vector3d& p,
                                const Eigen::Vector3d& normal);
 
-/// m, from a point at q on a side to the nearest concave seam of its plane: where another box, or
-/// the floor, rises in front of it. kNoSeam where none does. Structure frame.
+/// Distance, m, from a point q on a side to the nearest concave seam of its plane. At a seam,
+/// another box or the floor rises in front of the side. kNoSeam if there is none. Structure frame.
 double SeamDistance(const Structure& structure, const Side& side, const Eigen::Vector3d& q);
 inline constexpr double kNoSeam = 8;
 
 /// The floor, as a side of no box.
 Side FloorOf(const Structure& structure);
 
-/// By what share of DepthErrorModel::bounce_m light that comes by the floor and by other boxes adds
-/// to the depth of a point q of a side, for a sensor with its lamp at `eye`; structure frame. Each
-/// of these surfaces adds x exp(1 - x), x being its distance over `reach` (bounce_reach_m; of a
-/// box three quarters of that; at the seam itself the way is no longer), times the cosine at which
-/// it is lit at `reach` before the side. The sum is divided by the cosine at which the side is
-/// seen: light that comes straight falls with it (Lambert), bounced light does not. Tops get more,
-/// since walls and ceilings light them, too.
+/// Share of DepthErrorModel::bounce_m that multipath by the floor and other boxes adds to the depth
+/// of a point q of a side. The sensor has its lamp at `eye`; structure frame. Each of these
+/// surfaces adds x exp(1 - x), where x is its distance over `reach` (bounce_reach_m; three quarters
+/// of it for a box). At the seam itself the way is no longer. The factor is the cosine at which the
+/// surface is lit at `reach` before the side. The sum is divided by the cosine at which the side is
+/// seen: direct light falls with it (Lambert), multipath does not. Tops get more, since walls and
+/// ceilings light them, too.
 double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
                     const Eigen::Vector3d& eye, double reach);
 

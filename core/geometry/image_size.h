@@ -14,7 +14,7 @@ struct ImageSize {
 /// Parses WIDTHxHEIGHT, 16 to 4096 px each. Throws ConfigError.
 ImageSize ParseImageSize(const std::string& text);
 
-/// Whether intrinsics may be scaled to an image of this size: aspect ratios within 2 %.
+/// May intrinsics be scaled to an image of this size? Aspect ratios have to agree within 2 %.
 bool SameAspect(const Intrinsics& intrinsics, ImageSize size);
 
 }  // namespace volalign

@@ -19,7 +19,7 @@ struct NearestWithin {
             std::nextafter(max_distance * max_distance, std::numeric_limits<double>::infinity())) {}
   double worstDist() const { return worst; }
   bool addPoint(double squared_distance, std::uint32_t index) {
-    if (!(squared_distance < worst)) return true;  // than when its leaf was opened
+    if (!(squared_distance < worst)) return true;  // the limit fell since its leaf was opened
     nearest = {static_cast<int>(index), squared_distance};
     worst = squared_distance;
     return true;
@@ -30,7 +30,7 @@ struct NearestWithin {
   void sort() const {}
 
   KdTree::Neighbour nearest;
-  double worst;  // what is as far or farther is not taken
+  double worst;  // only nearer points are taken
 };
 
 }  // namespace

@@ -7,7 +7,8 @@
 
 namespace volalign {
 
-/// Nearest neighbours among points in space (nanoflann). Movable; safe to ask from several threads.
+/// Nearest neighbours among points in space (nanoflann). Movable; several threads may search at
+/// once.
 class KdTree {
  public:
   explicit KdTree(std::vector<Eigen::Vector3d> points);
@@ -16,10 +17,11 @@ class KdTree {
   KdTree& operator=(KdTree&&) noexcept;
 
   struct Neighbour {
-    int index = -1;  ///< -1: none is so near
+    int index = -1;  ///< -1: no point is so near
     double squared_distance = 0;
   };
-  /// Of the points no farther from `p` than `max_distance`, which saves most of the search.
+  /// The nearest point no farther from `p` than `max_distance`, a limit that saves most of the
+  /// search.
   Neighbour Nearest(const Eigen::Vector3d& p,
                     double max_distance = std::numeric_limits<double>::infinity()) const;
 

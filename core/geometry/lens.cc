@@ -16,11 +16,11 @@ namespace volalign {
 
 namespace {
 
-/// The radial part of the model is tabulated up to this radius on the plane z = 1 (87 deg off the
-/// axis), in steps of this length, unless it folds over before.
+/// The radial part of the model is tabulated in these steps up to this radius on the plane z = 1
+/// (87 deg off the axis). The table ends earlier if the model folds over.
 constexpr double kWidestRadius = 20;
 constexpr double kRadiusStep = 0.005;
-/// Newton's method starts from that table, so that two steps are the rule.
+/// Newton's method starts from that table and usually takes two steps.
 constexpr int kNewtonSteps = 20;
 constexpr double kConvergedPx = 1e-6;
 /// With tangential distortion a ray may fold over at a slightly larger radius than the table's.
@@ -43,7 +43,7 @@ struct Coefficients {
         (k1 + r2 * (2 * k2 + r2 * 3 * k3) - radial * (k4 + r2 * (2 * k5 + r2 * 3 * k6))) * inverse;
     return radial;
   }
-  /// The ray as the lens bends it, on the plane z = 1, and the derivative by the ray.
+  /// The ray after the lens bent it, on the plane z = 1, and the derivative by the ray.
   Eigen::Vector2d Bend(const Eigen::Vector2d& ray, Eigen::Matrix2d* jacobian) const {
     const double x = ray.x(), y = ray.y(), r2 = x * x + y * y;
     double slope = 0;
@@ -71,8 +71,8 @@ class LensInverse {
     fold_ = static_cast<double>(bent_.size()) * kRadiusStep;
   }
 
-  /// The ray that the lens bends to `target`, both on the plane z = 1. It is found soonest where
-  /// the last target was near.
+  /// The ray that the lens bends to `target`, both on the plane z = 1. It is found fastest if the
+  /// last target was near.
   std::optional<Eigen::Vector2d> operator()(const Eigen::Vector2d& target) {
     const double bent = target.norm();
     Eigen::Vector2d ray = bent > 0 ? Eigen::Vector2d(target * (Radius(bent) / bent)) : target;
@@ -88,7 +88,7 @@ class LensInverse {
   }
 
  private:
-  /// Radius that the radial part alone bends to `bent`; the widest one where none does.
+  /// Radius that the radial part alone bends to `bent`, or else the widest one.
   double Radius(double bent) {
     while (last_ > 0 && bent_[last_] > bent) --last_;
     while (last_ + 1 < bent_.size() && bent_[last_ + 1] <= bent) ++last_;
@@ -100,8 +100,8 @@ class LensInverse {
   Coefficients lens_;
   double tolerance_;
   std::vector<double> bent_;  ///< of radii in steps of kRadiusStep, rising
-  std::size_t last_ = 0;      ///< of the radius that was last looked up
-  double fold_ = 0;           ///< radius from which on the model does not rise
+  std::size_t last_ = 0;      ///< of the last radius
+  double fold_ = 0;           ///< radius beyond which the model does not rise
 };
 
 RayTable PinholeRays(const Intrinsics& intrinsics) {

@@ -15,7 +15,7 @@ namespace volalign {
 
 namespace {
 
-constexpr std::size_t kPointsOfTask = 4096;  // whose nearest one thread finds at a time
+constexpr std::size_t kPointsOfTask = 4096;  // number of points that one thread takes at a time
 
 }  // namespace
 

@@ -10,20 +10,20 @@ namespace volalign {
 struct ProcrustesResult {
   Pose target_from_source = Pose::Identity();
   double rms = 0;  ///< weighted root mean square of |target - T source|, m
-  /// Singular values of the centred, weighted target set, largest first, each divided by the square
-  /// root of the total weight (so a root-mean-square extent, m).
+  /// Singular values of the centred, weighted target set, largest first. Each is divided by the
+  /// square root of the total weight, so it is a root-mean-square extent, m.
   Eigen::Vector3d extents = Eigen::Vector3d::Zero();
 };
 
 /// Weighted rigid alignment (Kabsch 1976, Umeyama 1991 without scale): the proper rotation (det =
-/// +1) and translation that minimise sum w |target - (R source + t)|^2. `weights` empty means
-/// all 1. Throws Error for fewer than one point, unequal sizes or a non-positive total weight.
+/// +1) and translation that minimise sum w |target - (R source + t)|^2. Empty `weights`: all 1.
+/// Throws Error for fewer than one point, unequal sizes or a non-positive total weight.
 ProcrustesResult AlignPoints(const std::vector<Eigen::Vector3d>& source,
                              const std::vector<Eigen::Vector3d>& target,
                              const std::vector<double>& weights = {});
 
-/// Keypoints fix a pose when the second singular value of their centred set exceeds this (m,
-/// unnormalised, unit weights), whatever their number: it vanishes for points on one line, as the
+/// Keypoints determine a pose if the second singular value of their centred set exceeds this (m,
+/// unnormalised, unit weights), whatever their number. It is 0 for points on one line, as the
 /// centres of three sides may be.
 inline constexpr double kMinSecondSingularValue = 0.05;
 double SecondSingularValue(const std::vector<Eigen::Vector3d>& points);

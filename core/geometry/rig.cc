@@ -19,7 +19,7 @@
 namespace volalign {
 namespace {
 
-constexpr std::uint64_t kTurnStride = 1000000;  // between the seeds of one turn and the next
+constexpr std::uint64_t kTurnStride = 1000000;  // difference of the seeds of two turns
 
 /// Appends a group's sensors. Throws ConfigError.
 void AppendGroup(const RigGroup& group, std::size_t index, std::vector<RigSensor>* sensors) {
@@ -35,7 +35,7 @@ void AppendGroup(const RigGroup& group, std::size_t index, std::vector<RigSensor
   }
 }
 
-/// Draws the points that sensors look at, each around its own, by the rig's seed.
+/// Draws the points that sensors look at, each about its own, by the rig's seed.
 void DrawLookAt(Rig* rig) {
   for (std::size_t i = 0; i < rig->sensors.size(); ++i) {
     RigSensor& sensor = rig->sensors[i];

@@ -13,7 +13,7 @@
 
 namespace volalign {
 
-/// What sensors of a group have alike, and each sensor of a rig by itself.
+/// The common keys of a group of sensors and of a single sensor.
 struct RigMount {
   std::string sensor = "realsense_d415";
   double rho_cm = 200;
@@ -39,7 +39,7 @@ struct RigMount {
   }
 };
 
-/// One sensor of a rig. The rig's frame is the structure's at structure_yaw_deg = 0; the position
+/// One sensor of a rig. The rig's frame is the structure's at structure_yaw_deg = 0. The position
 /// is (rho cos phi, floor + height, rho sin phi).
 struct RigSensor : RigMount {
   std::string name;
@@ -55,8 +55,8 @@ struct RigSensor : RigMount {
   }
 };
 
-/// A sensor that does not stand where it stood in the first still: its pose is then its first one
-/// times this, about its own axes (x right, y down, z forward).
+/// A sensor that was moved after the first capture. Its pose is its first one times this movement,
+/// about its own axes (x right, y down, z forward).
 struct RigMovement {
   std::string sensor;
   std::array<double, 3> translation_mm{0, 0, 0};
@@ -70,7 +70,7 @@ struct RigMovement {
   }
 };
 
-/// Sensors that differ in angle and height alone: a ring, an arc, or a column.
+/// Sensors that differ only in angle and height: a ring, an arc, or a column.
 struct RigGroup : RigMount {
   std::string name = "S";
   std::vector<double> phi_deg{0};
@@ -87,7 +87,7 @@ struct RigGroup : RigMount {
   }
 };
 
-/// A further place of the structure: where its frame then stands in the frame of its first place.
+/// A further place of the structure: the pose of its frame in the frame of its first place.
 struct RigPlacement {
   double x_cm = 0;
   double z_cm = 0;
@@ -103,8 +103,8 @@ struct RigPlacement {
   }
 };
 
-/// Of a sensor, between the stills of several placements: its device's errors (bias, warp and what
-/// else one device does alike in all frames) stay as they are, or each still draws its own.
+/// A sensor's device errors (bias, warp and all else that one device does alike in all frames) in
+/// the captures of several placements. Either they persist, or each capture draws its own.
 enum class DeviceErrorDraw { kPersistent, kRedrawn };
 constexpr Words<DeviceErrorDraw, 2> WordsOf(DeviceErrorDraw) {
   return {{{"persistent", DeviceErrorDraw::kPersistent}, {"redrawn", DeviceErrorDraw::kRedrawn}}};
@@ -122,7 +122,7 @@ struct Rig {
   std::string structure = "configs/structure.yaml";
   std::string intrinsics = "configs/intrinsics.yaml";
   double structure_yaw_deg = 0;
-  std::vector<double> turns_deg;  ///< captures of their own, see Turns
+  std::vector<double> turns_deg;  ///< one capture each, see Turns
   bool structure_present = true;
   bool room = true;
   bool tripods = true;
@@ -186,14 +186,13 @@ struct Rig {
   }
 };
 
-/// Reads and checks a rig: at least one sensor, names unique and fit for file names, movements of
-/// sensors that it has. Sensors of `groups` stand behind those of `sensors`; the result has no
-/// groups. Throws ConfigError.
+/// Reads and checks a rig: at least one sensor, unique names that are fit for file names, and
+/// movements of its own sensors only. Sensors of `groups` stand behind those of `sensors`; the
+/// result has no groups. Throws ConfigError.
 Rig ReadRig(const ConfigSource& source);
 
-/// The intrinsics that the pool has for a sensor, at the size of its image; not empty. Throws
-/// ConfigError for a sensor that the pool (named `pool_name`) lacks, or an image size of another
-/// aspect ratio.
+/// The pool's intrinsics for a sensor, at the size of its image; not empty. Throws ConfigError for
+/// a sensor that the pool (named `pool_name`) lacks, or an image size of another aspect ratio.
 std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
                                      const std::vector<IntrinsicsPoolEntry>& pool,
                                      const std::string& pool_name);
@@ -201,19 +200,18 @@ std::vector<Intrinsics> IntrinsicsOf(const RigSensor& sensor,
 /// The sensor's pose in the structure frame, for a structure whose floor is at `floor_height`.
 Pose RigSensorPose(const RigSensor& sensor, double structure_yaw_deg, double floor_height);
 
-/// first_from_moved: the frame that the sensor had in the first still from the one that it has
-/// after the movement.
+/// first_from_moved: the sensor's frame after the movement in its frame of the first capture.
 Pose FirstFromMoved(const RigMovement& movement);
 
 /// The structure's frame at a placement in that of its first place, for a level floor.
 Pose FirstFromPlacement(const RigPlacement& placement);
 
-/// Turns the structure about its own vertical wherever it stands: structure_yaw_deg grows by `deg`,
-/// modulo 360, and the placements stay where they are among the sensors.
+/// Turns the structure about its own vertical wherever it stands. structure_yaw_deg grows by `deg`,
+/// modulo 360, and the placements keep their places among the sensors.
 void TurnStructure(double deg, Rig* rig);
 
-/// The captures that a rig asks for: one a turn, in order, each with a seed of its own, without
-/// turns and with look-at points drawn; one where it has no turns.
+/// The captures of a rig, one per turn, in order; one if it has no turns. Each has its own seed, no
+/// turns, and look-at points that are drawn.
 std::vector<Rig> Turns(const Rig& rig);
 
 }  // namespace volalign

@@ -6,14 +6,14 @@
 
 namespace volalign {
 
-/// What stands around the structure.
+/// The surroundings of the structure.
 struct SceneConfig {
   std::array<double, 2> wall_distance_m{2.5, 5.5};
   std::array<int, 2> clutter_count{0, 14};
   double distractor_probability = 0.3;
   double occluder_probability = 0.15;
   std::array<int, 2> tripod_count{0, 7};
-  // No keys.
+  // These have no keys.
   double ceiling_probability = 0.5;  ///< share of rooms with a ceiling
   std::array<double, 2> ceiling_height_m{2.4, 3.2};
   std::array<double, 2> clutter_size_m{0.1, 1.4};     ///< largest extent of an object
@@ -42,7 +42,7 @@ struct SceneConfig {
   }
 };
 
-/// How well the structure was put together. Labels and poses refer to the nominal structure.
+/// How precisely the structure was built. Labels and poses refer to the nominal structure.
 struct AssemblyConfig {
   double position_mm = 3;
   double yaw_deg = 0.5;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr char kUnknown[] = "unknown";
 
-/// An entry as it stands in the file.
+/// An entry in the file.
 struct KindEntry {
   std::string kind, like;
   DepthPrinciple principle = DepthPrinciple::kUnknown;

@@ -13,7 +13,7 @@ namespace volalign {
 enum class DepthPrinciple {
   kUnknown,
   kTimeOfFlight,
-  kStereo  ///< matches patterns, of its own or of the scene's texture
+  kStereo  ///< matches patterns, its own or the scene's texture
 };
 
 constexpr Words<DepthPrinciple, 3> WordsOf(DepthPrinciple) {
@@ -22,46 +22,45 @@ constexpr Words<DepthPrinciple, 3> WordsOf(DepthPrinciple) {
            {"stereo", DepthPrinciple::kStereo}}};
 }
 
-/// A lens that is typical of a kind, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
+/// A typical lens of a kind, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
 struct TypicalLens {
-  std::vector<double> distortion;  ///< 8, or none of a rectified image
-  /// By which those of a kind differ: standard deviations of the logarithm of the focal length, of
-  /// k1 and of k2.
+  std::vector<double> distortion;  ///< 8, or none for a rectified image
+  /// Spread within the kind: standard deviations of the logarithm of the focal length, of k1 and of
+  /// k2.
   std::array<double, 3> sigmas = {};
-  /// By how much one device's focal length differs from what is said of it beyond what all of a
-  /// rig have in common: standard deviation of its logarithm.
+  /// Standard deviation of the logarithm of one device's own factor on the focal length, beyond the
+  /// common error of all devices in a rig.
   double own_focal_sigma = 0;
 
   bool rectified() const { return distortion.empty(); }
 };
 
-/// What is known of a kind of sensor: an entry `kind` of configs/intrinsics.yaml, which the program
-/// carries within itself.
+/// A kind of sensor: an entry `kind` of configs/intrinsics.yaml, which the program contains.
 struct SensorKind {
-  std::string name;  ///< with which the names of its sensors begin
+  std::string name;  ///< beginning of its sensors' names
   DepthPrinciple principle = DepthPrinciple::kUnknown;
-  std::optional<TypicalLens> lens;  ///< where it is known
+  std::optional<TypicalLens> lens;  ///< if known
   DepthErrorModel errors;
 };
 
-/// All that are known, but for `unknown`.
+/// All known kinds, without `unknown`.
 const std::vector<SensorKind>& SensorKinds();
 
-/// The one that a name of the intrinsics pool (SensorFrame::sensor) belongs to, or null. Of several
-/// whose names it begins with, that with the longest.
+/// The kind of a name of the intrinsics pool (SensorFrame::sensor), or null. The name begins with
+/// the kind's name; the longest such name counts.
 const SensorKind* FindSensorKind(const std::string& sensor);
 
-/// Throws ConfigError, with all that are known, for a name that is of none; `what` begins it.
+/// Throws ConfigError, which begins with `what` and has all known kinds, for a name without a kind.
 void RequireSensorKind(const std::string& sensor, const std::string& what);
 
-/// Of the kind that a sensor is of; of a name that nothing knows, those of the entry `unknown`.
+/// The errors of a sensor's kind; those of the entry `unknown` for a name without a kind.
 const DepthErrorModel& ErrorsOf(const std::string& sensor);
 
-/// Whether it is known to measure in this way.
+/// Is the sensor's kind known, and does it measure in this way?
 bool MeasuresBy(DepthPrinciple principle, const std::string& sensor);
 
-/// Reads the entries `kind` of YAML like that of configs/intrinsics.yaml; `path` begins messages.
-/// Throws ConfigError.
+/// Reads the entries `kind` of YAML like configs/intrinsics.yaml; `path` begins messages. Throws
+/// ConfigError.
 std::vector<SensorKind> ParseSensorKinds(const std::string& yaml, const std::string& path);
 
 }  // namespace volalign

@@ -14,10 +14,10 @@ namespace volalign {
 namespace {
 
 constexpr double kShortestBox = 0.1, kLongestBox = 5;  // m, of the longest edge
-constexpr double kWidestSlip = 0.05;  // m: of rough measures and slips; a wider gap is meant
+constexpr double kWidestSlip = 0.05;  // m, from rough measures and slips; a wider gap is intended
 constexpr double kUpright = 1 - 1e-6;
 
-/// How far two boxes are apart along a direction; negative where they overlap in it.
+/// Gap of two boxes along a direction; negative if they overlap.
 double GapAlong(const Box& a, const Box& b, const Eigen::Vector3d& direction) {
   const auto reach = [&](const Box& box) {
     return (box.structure_from_box.linear().transpose() * direction).cwiseAbs().dot(box.size) / 2;
@@ -27,7 +27,7 @@ double GapAlong(const Box& a, const Box& b, const Eigen::Vector3d& direction) {
   return std::abs(between.dot(direction)) - reach(a) - reach(b);
 }
 
-/// Directions of which one separates two boxes that share no space.
+/// Directions of which one separates any two boxes that share no space.
 std::vector<Eigen::Vector3d> SeparatingDirections(const Box& a, const Box& b) {
   const Eigen::Matrix3d ra = a.structure_from_box.linear(), rb = b.structure_from_box.linear();
   std::vector<Eigen::Vector3d> directions;
@@ -42,7 +42,7 @@ std::vector<Eigen::Vector3d> SeparatingDirections(const Box& a, const Box& b) {
   return directions;
 }
 
-/// The widest gap along any of them that `of` takes: how far the boxes are apart.
+/// The widest gap along the directions that `of` accepts: the distance of the boxes.
 template <class Of>
 double Gap(const Box& a, const Box& b, const Of& of) {
   double widest = -1e9;
@@ -55,7 +55,7 @@ double Gap(const Box& a, const Box& b) {
   return Gap(a, b, [](const Eigen::Vector3d&) { return true; });
 }
 
-/// As seen from above.
+/// The gap as seen from above.
 double LevelGap(const Box& a, const Box& b) {
   return Gap(a, b, [](const Eigen::Vector3d& d) { return std::abs(d.y()) < 1e-3; });
 }
@@ -100,7 +100,7 @@ class Stack {
                     Millimetres(box.size.z())));
   }
 
-  /// With any other box.
+  /// Does it share space with any other box?
   bool FindShared(std::size_t b) {
     bool shares = false;
     for (std::size_t a = 0; a < boxes_.size(); ++a) {
@@ -144,7 +144,7 @@ class Stack {
     const Eigen::Vector3d middle = around.center();
     const Eigen::Vector3d beyond = (support.min() - middle).cwiseMax(middle - support.max());
     const double out = std::max(beyond.x(), beyond.z());
-    if (carries || out <= kStackTolerance) return;  // what it carries may hold it
+    if (carries || out <= kStackTolerance) return;  // its load may hold it
     Add(false, fmt::format("box '{}' would fall: its middle is {:g} mm beyond what it stands on; "
                            "check its position",
                            box.name, Millimetres(out)));
@@ -168,7 +168,7 @@ class Stack {
                     below ? fmt::format("box '{}'", below->name) : "the floor"));
   }
 
-  /// Beside earlier boxes.
+  /// Gaps between a box and the earlier ones.
   void FindGaps(std::size_t b) {
     for (std::size_t a = 0; a < b; ++a) {
       const double gap = LevelGap(boxes_[a], boxes_[b]);

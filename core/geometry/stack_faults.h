@@ -7,11 +7,11 @@
 
 namespace volalign {
 
-/// How exactly boxes are measured and stacked, m: so far they may seem to share space, or to stand
+/// Precision, m, of measured and stacked boxes. Up to it, they may seem to share space, or to float
 /// above what they stand on.
 inline constexpr double kStackTolerance = 5e-3;
 
-/// What a description says that a stack of boxes cannot be, or hardly is.
+/// A fault of a described stack: impossible, or unlikely.
 struct StackFault {
   bool impossible = false;
   std::string
@@ -19,12 +19,13 @@ struct StackFault {
 };
 
 /// Impossible: boxes that share space, or stand neither on the floor (the lowest side of all) nor
-/// on a box, by more than 5 cm. Doubtful: the same by less, beyond kStackTolerance; boxes of less
-/// than 10 cm or more than 5 m, as in other units; gaps of up to 5 cm between sides that face each
-/// other; boxes whose middle is beyond what they stand on.
+/// on a box, by more than 5 cm. Doubtful: the same by less, beyond kStackTolerance. Boxes are also
+/// doubtful if their longest edge is less than 10 cm or more than 5 m, as in other units. So are
+/// gaps of up to 5 cm between boxes side by side, and boxes whose middle is beyond what they stand
+/// on.
 std::vector<StackFault> FindStackFaults(const Structure& structure);
 
-/// Throws DataError, of one sentence, for a stack with an impossible fault.
+/// Throws DataError with the sentence of the first impossible fault.
 void RequireStack(const Structure& structure);
 
 }  // namespace volalign

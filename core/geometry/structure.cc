@@ -23,7 +23,7 @@ namespace volalign {
 
 namespace {
 
-constexpr double kTiltedStrip = 2e-3;  // m: strip width where a covering box stands askew
+constexpr double kTiltedStrip = 2e-3;  // m: strip width if a covering box is not parallel
 constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 m
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kFarthest = 1e3;  // m, of a box from the structure's origin
@@ -51,7 +51,7 @@ FaceAxes AxesOf(Face face) {
   throw Error("unknown face");
 }
 
-/// The part of the line origin + v * direction (in a box's frame) that lies inside the box.
+/// The part of the line origin + v * direction (in a box's frame) inside the box.
 std::pair<double, double> InsideBox(const Eigen::Vector3d& half, const Eigen::Vector3d& origin,
                                     const Eigen::Vector3d& direction) {
   double low = -std::numeric_limits<double>::infinity(), high = -low;
@@ -68,9 +68,9 @@ std::pair<double, double> InsideBox(const Eigen::Vector3d& half, const Eigen::Ve
   return {low, high};
 }
 
-/// Cuts the side into strips along axis_v and adds up what the other boxes leave of each strip's
-/// middle line, kTouching above the side. The strips end at the covering boxes' edges, which makes
-/// the sum exact for boxes parallel to the side; where one stands askew they are kTiltedStrip wide.
+/// Cuts the side into strips along axis_v. Adds up the parts of each strip's middle line, kTouching
+/// above the side, that other boxes leave. The strips end at the covering boxes' edges, so the sum
+/// is exact for boxes parallel to the side. For others, strips are kTiltedStrip wide.
 void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
   struct Cover {
     Eigen::Vector3d half, centre, axis_u, axis_v;  // of the side, in the covering box's frame
@@ -350,7 +350,7 @@ constexpr double kMillimetre = 1e-3;
 
 using Range = std::array<double, 2>;
 
-/// A structure as it stands in a file; lengths in millimetres.
+/// A structure in a file; lengths in millimetres.
 struct StructureFile {
   struct BoxEntry {
     std::string name;

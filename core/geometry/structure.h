@@ -26,16 +26,16 @@ constexpr Words<Face, 6> WordsOf(Face) {
 }
 Eigen::Vector3d FaceNormal(Face face);
 
-/// Boxes whose gap is smaller, m, cover each other.
+/// Boxes cover each other if their gap, m, is smaller.
 inline constexpr double kTouching = 1e-3;
 
-/// Labels are uint8, 5 a box.
+/// Labels are uint8, 5 per box.
 inline constexpr int kMaxBoxes = 51;
-/// The edges of a described box, m. What is beyond them was written in other units.
+/// Limits of a described box's edges, m. Values beyond them are in other units.
 inline constexpr double kShortestEdge = 0.01, kLongestEdge = 100;
 
-/// A solid box: `size` along its own axes, centred at the origin of its frame, which stands at
-/// structure_from_box in the structure frame. Metres.
+/// A solid box: `size` along its own axes, m. The centre is the origin of its frame, at
+/// structure_from_box in the structure frame.
 struct Box {
   std::string name;
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
@@ -43,7 +43,7 @@ struct Box {
 
   static Box FromMinMax(std::string name, const Eigen::Vector3d& min, const Eigen::Vector3d& max);
 
-  /// In the structure frame.
+  /// Corners in the structure frame.
   std::array<Eigen::Vector3d, 8> Corners() const;
 };
 
@@ -58,16 +58,16 @@ struct Side {
   Eigen::Vector3d axis_u, axis_v;    ///< unit, in the plane; axis_u x axis_v = normal
   double half_u = 0, half_v = 0;     ///< half extents along them
   double exposed_area = 0;           ///< m^2 not covered by another box
-  Eigen::Vector3d exposed_centroid;  ///< of that area; the centre where nothing is exposed
+  Eigen::Vector3d exposed_centroid;  ///< of that area; the centre if nothing is exposed
 
   /// Closest point of the finite rectangle to p.
   Eigen::Vector3d ClosestPoint(const Eigen::Vector3d& p) const;
-  /// How far out the side stands at a point p of it, as a share of how far it bulges in its middle:
-  /// by half a sine along both edges.
+  /// Displacement of the side at its point p, as a share of the bulge in its middle: half a sine
+  /// along both edges.
   double BulgeAt(const Eigen::Vector3d& p) const;
 };
 
-/// Which point of a side stands for it: its centre (the paper), or its exposed part's centroid.
+/// The point that represents a side: its centre (the paper), or its exposed part's centroid.
 enum class KeypointKind { kCentre, kExposed };
 constexpr Words<KeypointKind, 2> WordsOf(KeypointKind) {
   return {{{"centre", KeypointKind::kCentre}, {"exposed", KeypointKind::kExposed}}};
@@ -78,11 +78,11 @@ class Structure {
  public:
   Structure() = default;
 
-  /// `label_order` lists side names in the order of their ids 1, 2, ...; when it is empty, sides
-  /// are numbered box by box in the order front, back, up, right, left. Throws DataError for
-  /// duplicate or empty names, or such as RequirePlainName refuses, more than kMaxBoxes boxes,
-  /// boxes with an edge that is not from kShortestEdge to kLongestEdge or that are more than 1 km
-  /// away, or a label order that does not name every side but `down` once.
+  /// `label_order` lists side names in the order of their ids 1, 2, .... If it is empty, sides are
+  /// numbered box by box in the order front, back, up, right, left. Throws DataError for duplicate
+  /// or empty names, for names that RequirePlainName refuses, and for more than kMaxBoxes boxes. It
+  /// throws the same for boxes more than 1 km away or with an edge outside of kShortestEdge to
+  /// kLongestEdge. A label order has to name every side but `down` once.
   static Structure FromBoxes(std::string name, std::vector<Box> boxes,
                              const std::vector<std::string>& label_order = {});
 
@@ -92,23 +92,23 @@ class Structure {
   const std::vector<Side>& sides() const { return sides_; }
   /// The side of a label in [1, num_classes). Throws Error for others.
   const Side& SideOfLabel(int label) const;
-  /// Labels including background (21 for the paper's structure).
+  /// Number of labels including background (21 for the paper's structure).
   int num_classes() const { return num_classes_; }
   const Eigen::Vector3d& Keypoint(int label, KeypointKind kind) const;
   /// Lowest y: the floor.
   double FloorHeight() const;
   /// Height between the floor and the highest point, m.
   double Height() const;
-  /// SHA-256 over names, sizes, poses (to 1 um) and labels: identifies dimensions and topology.
+  /// SHA-256 over names, sizes, poses (to 1 um) and labels: it identifies dimensions and topology.
   std::string Hash() const;
-  /// The names of all labels in order; two structures with equal topologies have equal side names.
+  /// The names of all labels in order. Structures with equal topologies have equal side names.
   std::vector<std::string> SideNames() const;
 
   /// The same boxes and labels, each box moved: structure_from_box' = T_b * structure_from_box, and
-  /// scaled by `size_scale` about its own centre. Labels stay. Throws Error unless offsets.size()
-  /// == boxes().size().
+  /// scaled by `size_scale` about its own centre. Throws Error unless offsets.size() ==
+  /// boxes().size().
   Structure Displaced(const std::vector<Pose>& offsets, double size_scale = 1.0) const;
-  /// Displaced, but what is exposed of its sides is NaN: for those that draw it alone. To find that
+  /// Displaced, but the exposed parts of its sides are NaN, for drawing only. To find these parts
   /// takes twice as long as the rest of a training sample's scene.
   Structure DisplacedToDraw(const std::vector<Pose>& offsets, double size_scale) const;
 
@@ -120,14 +120,14 @@ class Structure {
   int num_classes_ = 1;
 };
 
-/// Reads a .yaml of boxes (configs/structure.yaml: millimetres, `boxes`, optional `labels`, `name`;
-/// a box has x, y, z as [min, max] and optionally `yaw_deg` about the vertical through its centre).
-/// Throws IoError or ConfigError, also for a stack with an impossible StackFault (stack_faults.h),
-/// and for a file of another ending.
+/// Reads a .yaml of boxes (configs/structure.yaml): millimetres, `boxes`, optional `labels`,
+/// `name`. A box has x, y, z as [min, max] and optionally `yaw_deg` about the vertical through its
+/// centre. Throws IoError or ConfigError, also for a stack with an impossible StackFault
+/// (stack_faults.h), and for a file of another ending.
 Structure ReadStructure(const std::filesystem::path& path);
 
-/// The text that ReadStructure reads as the same structure, to 1 nm. Throws DataError for a box
-/// that leans.
+/// The text that ReadStructure reads as the same structure, to 1 nm. Throws DataError for a tilted
+/// box.
 std::string StructureYaml(const Structure& structure);
 
 }  // namespace volalign

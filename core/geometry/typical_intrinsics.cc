@@ -28,7 +28,7 @@ Intrinsics Mean(const IntrinsicsPoolEntry& entry) {
   return mean;
 }
 
-/// Farther than devices of a kind differ, as a share.
+/// More than the difference of devices of a kind, as a share.
 constexpr double kOther = 0.05;
 
 bool IsNear(double a, double b) { return std::abs(std::log(a / b)) < kOther; }

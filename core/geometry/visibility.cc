@@ -9,13 +9,13 @@ namespace volalign {
 
 namespace {
 
-/// A box as the slab test wants it: the sensor's frame turned into the box's.
+/// A box for the slab test: rotations and origins in its own frame.
 struct LocalBox {
   int index = 0;  // into the structure's boxes
   Eigen::Matrix3d box_from_ray;
   Eigen::Vector3d origin;  // ray origin in the box's frame
   Eigen::Vector3d half;
-  // Of the sphere about the box, which lets most rays go by.
+  // The sphere about the box, which excludes most rays.
   Eigen::Vector3d centre;  // from the origin, in the rays' frame
   double clearance = 0;    // square of the tangents to it; negative within it
 
@@ -26,11 +26,12 @@ struct LocalBox {
 };
 
 constexpr int kNoAxis = -1;
-/// Rays of so many rows and columns are compared with the boxes together first, px.
+/// Rays of tiles of so many rows and columns are compared with the boxes together first, px.
 constexpr int kTile = 8;
 constexpr double kRounding = 1e-6;
 
-/// Entry of the ray origin + t * direction into the box, from outside. Returns false for no hit.
+/// Entry of the ray origin + t * direction into the box from outside. Returns false if there is no
+/// hit.
 bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* axis,
               bool* positive) {
   const Eigen::Vector3d d = box.box_from_ray * direction;
@@ -93,7 +94,7 @@ RayHit FirstHit(const std::vector<LocalBox>& boxes, const Eigen::Vector3d& direc
   return hit;
 }
 
-/// Those whose spheres meet the cone about the rays of a tile. A pixel without a ray is NaN.
+/// The boxes whose spheres meet the cone about the rays of a tile. A pixel without a ray is NaN.
 std::vector<LocalBox> BoxesNear(const std::vector<LocalBox>& boxes, const RayTable& rays, int u0,
                                 int u1, int v0, int v1) {
   std::array<Eigen::Vector3d, static_cast<std::size_t>(kTile * kTile)> directions;
@@ -113,7 +114,7 @@ std::vector<LocalBox> BoxesNear(const std::vector<LocalBox>& boxes, const RayTab
   const double sine = std::sqrt(std::max(0.0, 1 - cosine * cosine));
   std::vector<LocalBox> near;
   for (const LocalBox& box : boxes) {
-    // The cosine of the angles of cone and sphere together, times the sphere's distance.
+    // The cosine of the sum of the angles of cone and sphere, times the sphere's distance.
     const double limit = cosine * std::sqrt(std::max(0.0, box.clearance)) - sine * box.half.norm();
     if (box.clearance <= 0 || axis.dot(box.centre) > limit - kRounding * box.centre.norm())
       near.push_back(box);

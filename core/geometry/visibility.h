@@ -14,8 +14,8 @@ struct RayHit {
   double t = std::numeric_limits<double>::infinity();  ///< point = origin + t * direction
 };
 
-/// First hit of a ray with the structure's boxes (slab test in each box's frame), t > 0, from
-/// outside.
+/// First hit of a ray with the structure's boxes from outside, t > 0 (slab test in each box's
+/// frame).
 RayHit CastRay(const Structure& structure, const Eigen::Vector3d& origin,
                const Eigen::Vector3d& direction);
 
@@ -24,12 +24,12 @@ struct ExpectedView {
   LabelImage labels;  ///< 0 on `down` sides and where no box is hit
 };
 
-/// What the structure alone shows to a sensor at `structure_from_sensor`: no GL context needed.
+/// The view of the structure alone from a sensor at `structure_from_sensor`. Needs no GL context.
 ExpectedView CastView(const Structure& structure, const RayTable& rays,
                       const Pose& structure_from_sensor);
 
-/// Distance from p (structure frame) to the nearest point of the sides' finite rectangles, and that
-/// side's index.
+/// Distance from p (structure frame) to the nearest point of the sides' finite rectangles, m, and
+/// that side's index.
 struct SurfaceDistance {
   double distance = std::numeric_limits<double>::infinity();
   int side = -1;

@@ -19,7 +19,7 @@
 
 namespace volalign {
 
-/// JSON files: a struct describes its fields once, as those of core/config/config.h do,
+/// JSON files: a struct describes its fields once, as in core/config/config.h.
 ///
 ///   struct Shot {
 ///     std::string name;
@@ -33,23 +33,23 @@ namespace volalign {
 ///     }
 ///   };
 ///
-/// and from that description is written, keys in this order (WriteDescribed), and read strictly
-/// (ReadDescribed): a key that is missing, unknown, of another type or not finite is a DataError
-/// that says where. A struct that is to know nothing of files is described by a free template
-/// Describe(ar, value) beside what reads and writes it, in namespace volalign.
+/// WriteDescribed writes the keys in this order. ReadDescribed reads strictly: a key that is
+/// missing, unknown, of another type or not finite is a DataError with its place. A struct that has
+/// to be independent of files is described by a free template Describe(ar, value) in namespace
+/// volalign, beside the code that reads and writes it.
 ///
-/// Fields may be bool, int, std::int64_t, std::uint64_t, double, std::string, enums with
-/// ToString(value) and AllOf(value) (all values), Pose (4x4, row-major), Eigen vectors (a list) and
-/// matrices (a list of rows), described structs, vectors and pairs (a list of two) of all these,
-/// and std::map<std::string, T> or std::vector<std::pair<std::string, T>> (an object).
+/// Fields may be bool, int, std::int64_t, std::uint64_t, double, std::string, Pose (4x4, row-major)
+/// and enums with ToString(value) and AllOf(value) (all values). Also Eigen vectors (a list) and
+/// matrices (a list of rows), described structs, and vectors and pairs (a list of two) of all
+/// these. Also std::map<std::string, T> and std::vector<std::pair<std::string, T>> (an object).
 ///
-/// Both archives have
+/// Both archives have:
+///
 ///   ar(key, value)              in every file
-///   ar.Optional(key, value)     absent where it has no value, is empty or equals T()
-///   ar.Later(key, value)        always written; where an earlier version's file lacks it, it stays
-///                               as it was
+///   ar.Optional(key, value)     absent if it has no value, is empty or equals T()
+///   ar.Later(key, value)        always written; unchanged if an earlier version's file lacks it
 ///   ar.IfFinite(key, value)     numbers (double, Eigen, Pose) that may be unknown: NaN in memory,
-///                               an absent key in a file; a third argument is read in place of NaN
+///                               an absent key in a file. A third argument is read instead of NaN
 ///   ar.Constant(key, text)      the same text in every file; any other is an error
 ///   ar.Derived(key, value)      written for the file's other readers, not read
 ///   ar.OneOrList(key, texts)    absent, a string or a list
@@ -134,7 +134,7 @@ void SetUnknown(T* value) {
   }
 }
 
-/// The value itself. Throws Error unless it is finite.
+/// Returns the value. Throws Error unless it is finite.
 double Finite(double value, const std::string& place);
 
 /// Throw DataError.
@@ -403,8 +403,8 @@ nlohmann::ordered_json DescribedJson(T value, const std::string& where) {
   return json_internal::ToJson(value, where);
 }
 
-/// The text of a JSON file, indented by `indent`, with a final newline. Bytes that are no UTF-8,
-/// as names of files may have, become U+FFFD. Throws as DescribedJson.
+/// The text of a JSON file, indented by `indent`, with a final newline. Bytes that are no UTF-8, as
+/// in names of files, become U+FFFD. Throws as DescribedJson.
 template <class T>
 std::string WriteDescribed(T value, const std::string& name, int indent) {
   using Json = nlohmann::ordered_json;

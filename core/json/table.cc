@@ -22,7 +22,7 @@ std::string ShownNumber(double number, const Table::Column& column) {
   return fmt::format("{:.4g}", number);
 }
 
-/// In the text, where `column` is given, else as a program reads it.
+/// For text if `column` is given, else for a program.
 std::string TextOf(const Cell& cell, const Table::Column* column) {
   if (const auto* text = std::get_if<std::string>(&cell)) return Printable(*text);
   if (const auto* holds = std::get_if<bool>(&cell)) return *holds ? "yes" : "no";
@@ -58,7 +58,7 @@ bool IsOfNumbers(const Table& table, std::size_t column) {
   });
 }
 
-/// In rows that there are.
+/// Has a column no value in any row, if there are rows?
 bool HasNoValue(const Table& table, std::size_t column) {
   return !table.rows.empty() &&
          std::all_of(table.rows.begin(), table.rows.end(), [&](const std::vector<Cell>& row) {

@@ -16,9 +16,9 @@ struct Table {
 
   struct Column {
     std::string key;    ///< in JSON and CSV, with the unit: "rms_m"
-    std::string title;  ///< in the text; empty: left out of it
-    /// Of numbers, not of counts, in the text: a factor, and digits after the point, or four digits
-    /// in all if < 0.
+    std::string title;  ///< in text; empty: left out of it
+    /// Format of numbers, but not of counts, in text: a factor, and the digits after the point, or
+    /// four digits in all if < 0.
     double scale = 1;
     int digits = -1;
 
@@ -39,8 +39,8 @@ inline Table::Cell CellOf(int count) { return std::int64_t{count}; }
 
 enum class TableFormat { kText, kCsv, kJson };
 
-/// kText: aligned columns. kCsv: RFC 4180. kJson: a list of objects, without the cells that have
-/// nothing or no finite number. Numbers of the latter two read back exactly.
+/// kText: aligned columns. kCsv: RFC 4180. kJson: a list of objects, without cells that are empty
+/// or not finite. Numbers in CSV and JSON read back exactly.
 std::string FormatTable(const Table& table, TableFormat format);
 
 }  // namespace volalign

@@ -18,14 +18,14 @@ constexpr Words<InputEncoding, 2> WordsOf(InputEncoding) {
   return {{{"depth", InputEncoding::kDepth}, {"depth_mask", InputEncoding::kDepthMask}}};
 }
 
-/// Channels C of an encoded depth map, which are, of a depth z in m, 0 where there is none,
-///   kDepth:     z itself (the paper), C = 1
-///   kDepthMask: (min(z, kDepthClamp) - kDepthCentre) * mask and mask = z > 0, C = 2
+/// Channels C of an encoded depth map. The depth z is in m, 0 if missing. `kDepth`: C = 1, z
+/// itself, as in the paper. `kDepthMask`: C = 2, (min(z, kDepthClamp) - kDepthCentre) * mask and
+/// mask = z > 0.
 int EncodedChannels(InputEncoding input);
 
-/// depth_mask: depth is centred here, m, where the structure stands in training.
+/// depth_mask: the centre of depths, m, where the structure stands in training.
 inline constexpr double kDepthCentre = 2.0;
-/// depth_mask: anything farther, m, is background whatever its distance; clamping there keeps stray
+/// depth_mask: anything farther, m, is background whatever its distance. Clamping keeps isolated
 /// far values (Azure Kinect reports up to 16 m) from dominating the batch statistics.
 inline constexpr double kDepthClamp = 6.0;
 

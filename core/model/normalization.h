@@ -5,10 +5,11 @@
 
 namespace volalign {
 
-/// Of a convolution's output: none, over the batch, or over groups of channels of each sample.
+/// Normalisation of a convolution's output: none, over the batch, or over groups of channels of
+/// each sample.
 enum class Normalization { kNone, kBatch, kGroup };
 
-/// Of both normalisations.
+/// For both normalisations.
 inline constexpr double kNormEpsilon = 1e-5;
 /// Share of the batch in the running statistics.
 inline constexpr double kNormMomentum = 0.1;

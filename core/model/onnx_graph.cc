@@ -57,7 +57,7 @@ void Describe(onnx::ValueInfoProto* value, const char* name, const char* channel
 }
 
 /// Writes PaperNetImpl::ForwardWithAttention (core/nn/paper_net.cc) as nodes of ONNX. A function
-/// that adds nodes gives the name of the value that they make.
+/// that adds nodes returns the name of their result.
 class GraphWriter {
  public:
   GraphWriter(const StructureNetOptions& options, bool half) : options_(options), half_(half) {
@@ -113,7 +113,7 @@ class GraphWriter {
   }
 
  private:
-  /// `node_` is the new node, for its attributes.
+  /// Adds a node. `node_` is the new one, for its attributes.
   std::string Node(const char* type, const std::string& result,
                    const std::vector<std::string>& inputs) {
     node_ = graph_.add_node();
@@ -162,8 +162,8 @@ class GraphWriter {
     return y;
   }
 
-  /// Opset 13 has no such operator, but a normalisation of each channel alone, for which a group is
-  /// made one channel.
+  /// Opset 13 has no such operator, but a normalisation of each channel alone. So a group becomes
+  /// one channel.
   std::string GroupNormalized(const PaperUnit& unit, const std::string& x) {
     const std::int64_t groups = NormGroups(unit.out);
     const std::string& name = unit.name;
@@ -210,7 +210,7 @@ class GraphWriter {
                  Constant("at0", std::vector<std::int64_t>{0})});
   }
 
-  /// As at::upsample_nearest2d: pixel i is of floor(i * size / new_size).
+  /// As at::upsample_nearest2d: pixel i takes floor(i * size / new_size).
   std::string Upsample(const std::string& name, const std::string& x, const std::string& size) {
     const std::string batch = Slice(name + ".batch", x, 0, 2);
     const std::string sizes = Concat(name + ".sizes", batch, size, 0);
@@ -240,7 +240,7 @@ class GraphWriter {
     }
     return name;
   }
-  /// None where there is one of that name.
+  /// Adds a constant, unless there is one of that name.
   onnx::TensorProto* NewConstant(const std::string& name, onnx::TensorProto::DataType type) {
     for (const onnx::TensorProto& known : graph_.initializer()) {
       if (known.name() == name) return nullptr;

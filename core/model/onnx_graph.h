@@ -8,10 +8,10 @@
 
 namespace volalign {
 
-/// An ONNX file of a network: the graph takes kOnnxDepth, [B,1,H,W] float32, metres, 0 where there
-/// is none, any H, W >= 16, and gives kOnnxLogProbabilities, [B,K,H,W] float32. The tensor
-/// kOnnxEncoded within it is the encoded depth [B,C,H,W] (EncodedChannels): who encodes depth
-/// himself may cut the graph there. Weights have the names of the checkpoint's tensors.
+/// An ONNX file of a network. The graph takes kOnnxDepth, [B,1,H,W] float32, metres, 0 without
+/// depth, any H, W >= 16. It gives kOnnxLogProbabilities, [B,K,H,W] float32. The tensor
+/// kOnnxEncoded within it is the encoded depth [B,C,H,W] (EncodedChannels): a caller who encodes
+/// depth himself may cut the graph there. Weights have the names of the checkpoint's tensors.
 /// metadata_props has the five texts that follow.
 inline constexpr char kOnnxDepth[] = "depth";
 inline constexpr char kOnnxEncoded[] = "encoded";
@@ -24,7 +24,7 @@ inline constexpr char kOnnxOrientationKey[] = "orientation";  ///< OrientationOf
 inline constexpr char kOnnxStructureKey[] = "structure_sha256";  ///< Structure::Hash()
 inline constexpr char kOnnxDigestKey[] = "digest";               ///< OnnxDigest
 
-/// The paper's network as a graph of opset 13 without the weights. With `half` the parameters are
+/// The paper's network as a graph of opset 13 without the weights. With `half`, parameters are
 /// stored as float16 and cast to float32, in which everything is computed. Throws ConfigError for
 /// invalid options.
 onnx::GraphProto PaperNetGraph(const StructureNetOptions& options, bool half);
@@ -32,11 +32,11 @@ onnx::GraphProto PaperNetGraph(const StructureNetOptions& options, bool half);
 /// The opset of PaperNetGraph.
 inline constexpr int kOnnxOpset = 13;
 
-/// Whether a tensor of the network (PaperNetShapes) is stored as float16 in half precision: a
-/// parameter, not a running statistic.
+/// Is a tensor of the network (PaperNetShapes) stored as float16 in half precision? So are
+/// parameters, but not running statistics.
 bool IsHalfTensor(const std::string& name);
 
-/// SHA-256 of the model without its digest, so that a flipped bit is an error and not a bad pose.
+/// SHA-256 of the model without its digest. A flipped bit is then an error and not a bad pose.
 std::string OnnxDigest(const onnx::ModelProto& model);
 
 }  // namespace volalign

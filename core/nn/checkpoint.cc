@@ -170,7 +170,8 @@ LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
   TensorShapes shapes;
   try {
     model.meta = MetaFromJson(file.meta);
-    // The metadata may ask for a larger network than the file has; another kind's is not known.
+    // The metadata may ask for a larger network than the file has. Shapes of other kinds are
+    // unknown.
     if (model.meta.network.kind == "paper") shapes = PaperNetShapes(model.meta.network);
   } catch (const std::exception& e) {
     throw DataError(

@@ -16,11 +16,11 @@
 
 namespace volalign {
 
-/// Network input [B,C,H,W] float32 (EncodedChannels) of depth maps [B,1,H,W] float32, m, 0 where
-/// there is none. Throws Error for another shape or type.
+/// Network input [B,C,H,W] float32 (EncodedChannels) from depth maps [B,1,H,W] float32, m, 0
+/// without depth. Throws Error for another shape or type.
 at::Tensor EncodeDepth(const at::Tensor& depth, InputEncoding input);
 
-/// What the network makes of an encoded input.
+/// The output of a network for an encoded input.
 struct NetworkOutput {
   at::Tensor log_probabilities;  ///< [B,K,H,W] float32
   /// The paper's mask M, [B,1,H/16,W/16] float32 from 0 to 1; undefined without attention.
@@ -28,7 +28,7 @@ struct NetworkOutput {
 };
 
 /// A network that segments the structure's sides: encoded depth in, log-probabilities out. The
-/// paper's is PaperNet (core/nn/paper_net.h); a program registers others under names of their own
+/// paper's network is PaperNet (core/nn/paper_net.h). A program may register others
 /// (RegisterNetwork).
 class StructureNetImpl : public torch::nn::Module {
  public:
@@ -38,11 +38,11 @@ class StructureNetImpl : public torch::nn::Module {
   /// Encoded input [B,C,H,W] float32 (EncodeDepth), any H, W >= 16. Throws Error for another shape.
   virtual NetworkOutput ForwardWithAttention(const at::Tensor& input) = 0;
 
-  /// Its log-probabilities alone, [B,K,H,W] float32; the way to train.
+  /// The log-probabilities alone, [B,K,H,W] float32; for training.
   virtual at::Tensor forward(const at::Tensor& input);
 
   /// Type in which most of the network is computed: kFloat or kBFloat16. Weights stay float32.
-  /// bfloat16 has 16 mm steps at 3 m, so the depth itself must never get there. Throws Error for
+  /// bfloat16 has 16 mm steps at 3 m, so the depth itself stays in float32. Throws Error for
   /// another type.
   void SetComputeType(at::ScalarType dtype);
 
@@ -50,12 +50,12 @@ class StructureNetImpl : public torch::nn::Module {
   void SetChannelsLast(bool channels_last) { channels_last_ = channels_last; }
 
   const StructureNetOptions& options() const { return options_; }
-  /// The options, a line for each child with a convolution's weight, the number of parameters.
+  /// The options, a line for each child with a convolution's weight, and the number of parameters.
   void pretty_print(std::ostream& stream) const override;
   std::string prettyString() const;
 
  protected:
-  /// Throws Error where `input` is not what ForwardWithAttention takes.
+  /// Throws Error if ForwardWithAttention cannot take `input`.
   void RequireInput(const at::Tensor& input) const;
   at::ScalarType compute_type() const { return dtype_; }
   bool channels_last() const { return channels_last_; }
@@ -66,23 +66,22 @@ class StructureNetImpl : public torch::nn::Module {
   bool channels_last_ = false;
 };
 
-/// Makes a network, its weights drawn from LibTorch's default generator.
+/// Makes a network with weights from LibTorch's default generator.
 using NetworkFactory = std::function<std::shared_ptr<StructureNetImpl>(const StructureNetOptions&)>;
 
 /// Makes `kind` a value of model.kind, for training and for loading checkpoints. To be called at
-/// the start of a program, before other threads run. Throws Error where there is such a kind.
+/// the start of a program, before other threads run. Throws Error if the kind exists.
 void RegisterNetwork(const std::string& kind, NetworkFactory factory);
 
 /// "paper", then the registered kinds.
 std::vector<std::string> NetworkKinds();
 
-/// A network of the registered kinds.
+/// A network of one of the kinds.
 class StructureNet : public torch::nn::ModuleHolder<StructureNetImpl> {
  public:
   StructureNet(std::nullptr_t)
       : ModuleHolder(nullptr) {}  // NOLINT: an empty holder, as TORCH_MODULE has it
-  /// That of options.kind. Throws ConfigError for invalid options and a kind that is not
-  /// registered.
+  /// Makes a network of options.kind. Throws ConfigError for invalid options or an unknown kind.
   explicit StructureNet(const StructureNetOptions& options);
 };
 

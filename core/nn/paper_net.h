@@ -11,9 +11,9 @@
 namespace volalign {
 
 /// Convolution ("same" padding, odd kernel, stride 1), then normalisation if there is one.
-/// Parameters `weight` [out,in,k,k] and `bias` [out] (absent before a normalisation, which would
-/// cancel it), and of a normalisation `norm_weight`, `norm_bias` [out], with kBatch also buffers
-/// `running_mean`, `running_var` [out].
+/// Parameters: `weight` [out,in,k,k] and `bias` [out] (absent before a normalisation, which would
+/// cancel it). A normalisation adds `norm_weight` and `norm_bias` [out], and with kBatch the
+/// buffers `running_mean` and `running_var` [out].
 class ConvUnitImpl : public torch::nn::Module {
  public:
   ConvUnitImpl(int in, int out, int kernel, Normalization normalization);
@@ -28,7 +28,7 @@ class ConvUnitImpl : public torch::nn::Module {
 };
 TORCH_MODULE(ConvUnit);
 
-/// The mask [B,1,h,w] of x [B,C,h,w], in float32 whatever the type of x: bfloat16 has no number
+/// The mask [B,1,h,w] of x [B,C,h,w], in float32 for any type of x. The type bfloat16 has no number
 /// between 0.996 and 1, and a mask that is rounded to 1 has no gradient.
 at::Tensor AttentionMask(const ConvUnitImpl& unit, const at::Tensor& x);
 
@@ -40,7 +40,7 @@ struct PaperNetLayers {
   struct DecoderLevel {
     ConvUnit first{nullptr}, second{nullptr}, up{nullptr}, merge{nullptr};
   };
-  std::vector<std::vector<ConvUnit>> encoder;  ///< a group between two pools each
+  std::vector<std::vector<ConvUnit>> encoder;  ///< groups, with a pool between two
   std::vector<ResidualBlock> bottleneck;
   ConvUnit attention{nullptr};        ///< empty without attention
   std::vector<DecoderLevel> decoder;  ///< lowest resolution first
@@ -48,10 +48,10 @@ struct PaperNetLayers {
 };
 
 /// The paper's segmentation network (section "Semantic Correspondences"): encoder of 14
-/// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, decoder with
-/// skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0. In
-/// bfloat16 the first convolution, the normalisation statistics, the mask and the log-softmax stay
-/// float32.
+/// convolutions and 4 max-pools, pre-activated residual bottleneck, soft attention, and decoder
+/// with skips and 14 convolutions. Weights are initialised by Xavier's uniform rule, biases with 0.
+/// In bfloat16 the first convolution, the normalisation statistics, the mask and the log-softmax
+/// stay float32.
 class PaperNetImpl : public StructureNetImpl {
  public:
   /// Throws ConfigError for invalid options.

@@ -28,7 +28,7 @@ constexpr ElementType kTypes[] = {{"F64", at::kDouble},    {"F32", at::kFloat}, 
                                   {"BF16", at::kBFloat16}, {"I64", at::kLong},  {"I32", at::kInt},
                                   {"U8", at::kByte},       {"BOOL", at::kBool}};
 
-/// The type for which `is` holds, or nullptr.
+/// The type for which `is` is true, or nullptr.
 template <class Is>
 const ElementType* FindType(const Is& is) {
   const auto* const found = std::find_if(std::begin(kTypes), std::end(kTypes), is);
@@ -57,7 +57,7 @@ Entry ReadEntry(const JsonObject& object, const std::string& name, std::uint64_t
   if (type == nullptr)
     throw DataError(fmt::format("{} = '{}' is not known", object.Place("dtype"), Shortened(dtype)));
   entry.type = type->type;
-  // An empty tensor's other sizes are limited as well: LibTorch multiplies them.
+  // The other sizes of an empty tensor are limited as well: LibTorch multiplies them.
   std::uint64_t count = 1, steps = 1;
   for (const nlohmann::json& number : List(object, "shape", kMostDimensions)) {
     std::uint64_t size = 0;

@@ -42,7 +42,7 @@ class Units {
     return NormalizedMap(Raw(unit, x), Parameters(unit), recipe);
   }
 
-  /// The unit on x enlarged to the size of `skip`, and skip.
+  /// The unit's result, enlarged to the size of `skip`, and skip.
   at::Tensor EnlargedAndSkip(const ConvUnit& unit, const at::Tensor& x,
                              const at::Tensor& skip) const {
     MapRecipe recipe = Recipe();
@@ -73,7 +73,7 @@ struct Encoded {
 
 Encoded Encode(const PaperNetLayers& layers, const Units& units, const at::Tensor& input) {
   Encoded result;
-  // The depth itself never gets into bfloat16.
+  // The depth itself never becomes bfloat16.
   const ConvUnit& first = layers.encoder[0][0];
   const at::Tensor raw = Convolve(input, first->weight, at::kFloat, first->weight.size(2) / 2);
   at::Tensor x = NormalizedMap(raw, units.Parameters(first), units.Recipe());

@@ -7,10 +7,10 @@
 
 namespace volalign {
 
-/// PaperNetImpl::forward in training on a CPU, channels-last: the same function within
-/// rounding, with the passes over memory between two convolutions joined (normalized_map.h),
-/// decoder inputs concatenated where they are computed, and the convolutions after a twofold
-/// enlargement computed on the small map.
+/// PaperNetImpl::forward in training on a CPU, channels-last: the same function within rounding.
+/// Passes over memory between two convolutions are joined (normalized_map.h). Decoder inputs are
+/// concatenated where they are computed. Convolutions after a twofold enlargement are computed on
+/// the small map.
 at::Tensor TrainingForward(const PaperNetLayers& layers, Normalization normalization,
                            at::ScalarType type, const at::Tensor& input);
 

@@ -14,7 +14,7 @@ struct Stop {
   Rgb colour;
 };
 
-/// Between the stops, in steps that the eye cannot tell and that leave a picture few colours.
+/// Interpolates in steps that the eye cannot distinguish and that leave a picture few colours.
 template <std::size_t N>
 Rgb Between(const Stop (&stops)[N], double t) {
   constexpr double kSteps = 160;
@@ -37,8 +37,8 @@ constexpr Stop kViridis[] = {{0.0, {68, 1, 84}},        {1 / 9.0, {72, 40, 120}}
                              {6 / 9.0, {53, 183, 121}}, {7 / 9.0, {109, 205, 89}},
                              {8 / 9.0, {180, 222, 44}}, {1.0, {253, 231, 37}}};
 
-/// Blue over a light grey to orange, which no common colour blindness confuses (after PuOr of
-/// C. Brewer's ColorBrewer, with blue for its purple).
+/// Blue over a light grey to orange, which no common colour blindness confuses (after PuOr of C.
+/// Brewer's ColorBrewer, with blue for purple).
 constexpr Stop kDiverging[] = {{0.0, {5, 60, 145}},
                                {0.25, {84, 148, 216}},
                                {0.5, {236, 236, 232}},
@@ -60,7 +60,7 @@ struct Corner {
   int left, top;
 };
 
-/// Pictures with their upper left corners there.
+/// A sheet with pictures at these upper left corners.
 RgbImage Sheet(const std::vector<RgbImage>& pictures, const std::vector<Corner>& corners, int width,
                int height) {
   RgbImage sheet(width, std::max(1, height), Rgb{40, 40, 48});
@@ -78,7 +78,7 @@ RgbImage Sheet(const std::vector<RgbImage>& pictures, const std::vector<Corner>&
 
 Rgb LabelColour(int label) {
   if (label <= 0) return {0, 0, 0};
-  // Five labels a box: the golden angle tells boxes apart, saturation and value their sides.
+  // Five labels per box: the golden angle separates boxes, saturation and value their sides.
   const int group = (label - 1) / 5, member = (label - 1) % 5;
   static constexpr double kSaturation[] = {0.95, 0.55, 0.30, 0.85, 0.60};
   static constexpr double kValue[] = {1.0, 0.95, 1.0, 0.62, 0.72};

@@ -47,7 +47,7 @@ class Paper {
   Eigen::Vector2d low_{-1, -1}, high_{1, 1};  // m, x and z of the corners
 };
 
-/// What the sensor sees on the horizontal plane through itself, up to behind the stack.
+/// Draws the sensor's view of the horizontal plane through itself, up to behind the stack.
 void DrawView(const SensorFromAbove& sensor, const Paper& paper, Svg* svg) {
   const Pose& pose = sensor.structure_from_sensor;
   const Eigen::Vector3d eye = pose.translation();
@@ -62,7 +62,7 @@ void DrawView(const SensorFromAbove& sensor, const Paper& paper, Svg* svg) {
       if (!ray.allFinite()) continue;
       const Eigen::Vector3d to = pose.linear() * Eigen::Vector3d(ray.x(), ray.y(), 1);
       const double angle = std::remainder(std::atan2(to.z(), to.x()) - heading, 2 * M_PI);
-      // Rays far below or above the horizon turn far aside without seeing more of the stack.
+      // Rays far below or above the horizon have large angles without seeing more of the stack.
       if (std::abs(to.y()) > 0.7 * to.norm()) continue;
       left = std::min(left, angle);
       right = std::max(right, angle);
@@ -78,7 +78,8 @@ void DrawView(const SensorFromAbove& sensor, const Paper& paper, Svg* svg) {
   svg->Polygon(paper.At(points), fmt::format("class=\"rig-view\" fill=\"{}\"", sensor.colour));
 }
 
-/// Of a sensor's place on the floor plan, px: half axes and the direction of the larger one.
+/// Uncertainty of a sensor's place on the floor plan, px: half axes and the direction of the larger
+/// one.
 struct Ellipse {
   double major = 0, minor = 0, deg = 0;
 };

@@ -6,8 +6,8 @@
 namespace volalign {
 
 /// A picture as SVG, drawn element by element, later ones above earlier ones. Lengths are px, y is
-/// downwards. `attributes` are written as they are ("stroke=\"#444\""); texts, and titles, which
-/// show up where a pointer rests, are escaped.
+/// downwards. `attributes` are written unchanged ("stroke=\"#444\""). Texts are escaped, as are
+/// titles, which appear where a pointer rests.
 class Svg {
  public:
   struct Point {
@@ -21,12 +21,12 @@ class Svg {
   void Rectangle(const Point& corner, double width, double height, const std::string& attributes,
                  const std::string& title = "");
   void Circle(const Point& centre, double radius, const std::string& attributes);
-  /// Closed.
+  /// A closed polygon.
   void Polygon(const std::vector<Point>& points, const std::string& attributes,
                const std::string& title = "");
   void Polyline(const std::vector<Point>& points, const std::string& attributes);
   void Text(const Point& at, const std::string& text, const std::string& attributes = "");
-  /// About `at`, clockwise.
+  /// Text that is turned about `at`, clockwise.
   void TurnedText(const Point& at, double deg, const std::string& text,
                   const std::string& attributes);
   /// An element without content.

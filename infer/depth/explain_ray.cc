@@ -6,13 +6,13 @@ namespace volalign {
 
 namespace {
 
-/// m: mean distance from a surface to what is seen behind it, where it is not there. Of the order
-/// of a room: half or twice as much moves the boundary between surface and behind by a tenth of a
-/// standard deviation.
+/// m: mean distance from a missing surface to the next one behind it, about the size of a room.
+/// Half or twice as much moves the boundary between surface and behind by a tenth of a standard
+/// deviation.
 constexpr double kMeanBehind = 2;
-/// Share of the rays on which a structure would be seen at its pose that measure something behind
-/// it, in recorded frames (tests/bench/cause_shares.py). Nothing stands before their stacks: what
-/// does is taken to be as usual.
+/// Share of rays that measure something behind the structure at its pose, of those on which it is
+/// expected, in recorded frames (tests/bench/cause_shares.py). Nothing stands before their stacks:
+/// the share before it is assumed to be the same.
 constexpr double kSeldom = 0.002;
 
 }  // namespace

@@ -10,9 +10,9 @@ namespace volalign {
 
 namespace {
 
-// Of recorded frames, by tests/bench/cause_shares.py: the share of a structure's view that is not
-// seen through; the share of what a network labels that lies on the side that the label names; and
-// of what it labels or what lies on the structure, the share that is both.
+// From recorded frames, by tests/bench/cause_shares.py. The share of a structure's view that rays
+// do not pass through. The share of labelled rays on the side that the label names. The share that
+// is both, of the rays that are labelled or on the structure.
 constexpr ShareOdds kNotBehind{{78, 0.40}, {5.6, 1.2}};
 constexpr ShareOdds kNamedSo{{6.2, 0.89}, {0.375, 3.4}};
 constexpr ShareOdds kInOutline{{42, 1.9}, {10.3, 8.2}};

@@ -12,12 +12,12 @@ namespace volalign {
 
 namespace {
 
-/// Rays of a view; another one is asked about a quarter of them.
+/// Number of rays of a view. About a quarter of them serve as points for other views.
 constexpr double kRays = 6000;
 constexpr double kBesideStructure = 0.15;  // m from it
 
-// Of recorded frames, by tests/bench/cause_shares.py: the share of what both sensors could have
-// seen where it is that neither sees through.
+// From recorded frames, by tests/bench/cause_shares.py: the share that neither sensor sees through,
+// of all surfaces that both could have seen.
 constexpr ShareOdds kNotFloating{{240, 0.63}, {1.7, 0.60}};
 
 }  // namespace
@@ -59,8 +59,8 @@ CauseShares MeasuredView::Explain(const MeasuredView& other, const Pose& this_fr
     if (ray.index < 0) continue;
     const auto [u, v] = pixels_[static_cast<std::size_t>(ray.index)];
     if (std::sqrt(ray.squared_distance) > PitchAt(u, v)) continue;  // beside the picture
-    // Between the depths of the pixel and its neighbours, the point lies on their surface or at its
-    // edge.
+    // The point lies on the surface or at its edge if it is between the depths of the pixel and its
+    // neighbours.
     double nearest = 0, farthest = 0;
     for (int y = v - 1; y <= v + 1; ++y) {
       for (int x = u - 1; x <= u + 1; ++x) {

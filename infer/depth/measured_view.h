@@ -13,17 +13,17 @@
 
 namespace volalign {
 
-/// What a sensor measured beside the structure, to be compared with what others measured: the
-/// points of one are surfaces that the other expects along its rays.
+/// A sensor's measurements beside the structure, to compare with those of other sensors. The points
+/// of one are surfaces that the other expects along its rays.
 class MeasuredView {
  public:
-  /// Points near the structure at one of `poses` (structure from sensor) are left out: what a wrong
-  /// pose leaves over of the structure is no evidence of anything beside it. The view is not kept.
+  /// Points near the structure at one of `poses` (structure from sensor) are left out: the rest
+  /// that a wrong pose leaves of the structure is no evidence. The view is not kept.
   MeasuredView(const SensorView& view, const Structure& structure, const std::vector<Pose>& poses);
 
-  /// The causes along this sensor's rays through the points of another one, where the two stand so,
-  /// in independent cells. `sigma_m`: standard deviation of their surfaces' distance, m, by both
-  /// poses. Points beside the picture count nothing.
+  /// The causes along this sensor's rays through the points of another one, at this pose, in
+  /// independent cells. `sigma_m`: standard deviation of the distance of their surfaces, m, by both
+  /// poses. Points beside the picture do not count.
   CauseShares Explain(const MeasuredView& other, const Pose& this_from_other, double sigma_m) const;
 
  private:
@@ -32,7 +32,7 @@ class MeasuredView {
     double cells = 0;
   };
 
-  /// Between the rays of a pixel and its neighbours on the plane z = 1, m.
+  /// Distance, m, between the rays of a pixel and its neighbours on the plane z = 1.
   double PitchAt(int u, int v) const;
 
   std::vector<Point> points_;
@@ -47,12 +47,11 @@ class MeasuredView {
 CauseShares ExplainPair(const MeasuredView& a, const MeasuredView& b, const Pose& a_from_b,
                         double sigma_m);
 
-/// Do sensors stand so? Natural logarithm of the odds that their poses are right rather than one of
-/// them wrong, by the points of one that float before what another one measured: of one pair, or of
-/// several, whose cells are added. If a sensor fits one of the others from a wrong side of a room
-/// that looks alike from there, it fits them all: evidence for a pose is not multiplied. How much
-/// both of a pair measured of the same surfaces does not tell: walls and floors lie in the same
-/// places from a wrong side, too.
+/// Are the sensors' poses right rather than one of them wrong? Natural logarithm of the odds. Only
+/// points of one sensor that float before another one's measurements count. The causes are those of
+/// one pair, or the sum over several. Evidence is not multiplied over pairs: a pose on the wrong
+/// side of a room that looks alike from there fits all other sensors. Shared surfaces do not count,
+/// as walls and floors lie in the same places from a wrong side, too.
 double LogOddsOfPairs(const CauseShares& causes);
 
 }  // namespace volalign

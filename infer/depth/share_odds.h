@@ -7,16 +7,16 @@ struct ShareModel {
   double for_it, against;  ///< its parameters, > 0; their proportion is the mean share's
 
   /// Natural logarithm of the probability of so many independent cells for it and against it, one
-  /// after the other (a beta-binomial distribution), for counts >= 0 that need not be whole.
+  /// after the other (a beta-binomial distribution). Counts are >= 0 and need not be whole.
   double LogProbability(double cells_for, double cells_against) const;
 };
 
-/// The share where a pose is right, and where it is wrong but the best of its surroundings.
+/// The share at a right pose, and at a wrong one that is the best of its surroundings.
 struct ShareOdds {
   ShareModel right, wrong;
 
-  /// Natural logarithm of the odds of right to wrong, both being equally probable before. Those of
-  /// one pose to another are the difference.
+  /// Natural logarithm of the odds of right to wrong, both equally probable before. The odds of one
+  /// pose to another are the difference.
   double LogOdds(double cells_for, double cells_against) const {
     return right.LogProbability(cells_for, cells_against) -
            wrong.LogProbability(cells_for, cells_against);

@@ -10,34 +10,33 @@
 
 namespace volalign {
 
-/// Distance, m, within which a point that was measured at a depth lies on a surface: three standard
-/// deviations of the depth's error, and how far off the surface itself may be. From a table, as it
-/// is asked for each ray of each candidate.
+/// Distance, m, within which a point of this depth counts as on a surface: three standard
+/// deviations of the depth's error, and the surface's own error. A table gives it, as each ray of
+/// each candidate needs it.
 class SurfaceTolerance {
  public:
-  /// m: how far a plane is off that one normal, or a few points, gave.
+  /// m: error of a plane that one normal, or a few points, gave.
   static constexpr double kRoughPlane = kRoughPose / 2;
-  /// m: how far a surface of the structure is off at a refined pose, by boxes that stand not as
-  /// they should.
+  /// m: error of a surface of the structure at a refined pose, from boxes that are out of place.
   static constexpr double kRoughBoxes = kRoughPose / 2;
 
-  /// About a plane that the same frame gave.
+  /// For a plane from the same frame.
   static SurfaceTolerance OfPlane(const DepthErrorModel& errors) {
     return SurfaceTolerance(
         [&](double z) { return std::hypot(kRoughPlane, kClearly * errors.WithinSurface(z)); });
   }
-  /// About the structure, at a pose that is not refined.
+  /// For the structure, at a pose that is not refined.
   static SurfaceTolerance AtRoughPose(const DepthErrorModel& errors) {
     return SurfaceTolerance(
         [&](double z) { return std::hypot(kRoughPose, kClearly * errors.Sigma(z)); });
   }
-  /// About the structure, at a refined pose.
+  /// For the structure, at a refined pose.
   static SurfaceTolerance AtPose(const DepthErrorModel& errors) {
     return SurfaceTolerance(
         [&](double z) { return std::hypot(kRoughBoxes, kClearly * errors.Sigma(z)); });
   }
 
-  /// Beyond the table's end as there.
+  /// The tolerance at depth z, m. Constant beyond the table's end.
   double operator()(double z) const {
     const double at = std::clamp(z / kStep, 0.0, static_cast<double>(kSteps - 1));
     const auto below = std::min(static_cast<std::size_t>(at), kSteps - 2);

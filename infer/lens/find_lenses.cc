@@ -9,9 +9,9 @@ namespace volalign {
 
 namespace {
 
-constexpr double kMovedPx = 0.3;  // shift of the picture that is worth another one
-/// Standard deviations of its prior that a lens may change by. Beyond it, what was said about it is
-/// wrong, and what is between that and what planes say is no lens at all.
+constexpr double kMovedPx = 0.3;  // shift of the picture that is worth another round
+/// Largest change of a lens in standard deviations of its prior. Beyond it, the given lens is
+/// wrong. A compromise between it and the planes is no real lens.
 constexpr double kContradicted = 5;
 
 /// The frames that look through one lens.
@@ -32,8 +32,8 @@ LensFrames FramesOf(const PerFrame<SensorPlanes>& planes, const LensSet& lenses,
   return frames;
 }
 
-/// A lens of which nothing is known: of a pinhole, changed as planes ask for, and the typical
-/// lenses, that under which the planes are most probable is assumed.
+/// Chooses the assumed lens if nothing is known of it: the changed pinhole, or the typical lens
+/// under which the planes are most probable.
 void ChooseAssumed(const LensFrames& frames, const Straightness& straightness, LensSet* lenses,
                    SensorLens* lens) {
   double best =
@@ -41,7 +41,7 @@ void ChooseAssumed(const LensFrames& frames, const Straightness& straightness, L
   for (LensPrior& typical : TypicalLenses()) {
     std::vector<Intrinsics> assumed = frames.assumed;
     for (Intrinsics& intrinsics : assumed) intrinsics.distortion = typical.distortion;
-    // Its focal length is as little known as before.
+    // Its focal length is as uncertain as before.
     typical.sigmas[0] = lens->prior_sigmas[0];
     const double evidence =
         straightness.Straighten(assumed, typical.sigmas, LensChange::Zero()).log_evidence;
@@ -60,7 +60,7 @@ bool IsContradicted(const LensEstimate& estimate, const SensorLens& lens) {
          (estimate.change.array().abs() > kContradicted * lens.prior_sigmas.array()).any();
 }
 
-/// Brings a lens to where its planes are flattest, where that is to be believed.
+/// Changes a lens so that its planes are flattest, if the change is probable enough.
 void FindLens(const PerFrame<SensorPlanes>& planes, std::size_t index, bool choose_assumed,
               LensSet* lenses) {
   SensorLens& lens = lenses->lenses[index];

@@ -7,21 +7,21 @@
 
 namespace volalign {
 
-/// Lenses, and the views through them.
+/// Lenses, and each frame's view through its own.
 struct FoundLenses {
   LensSet lenses;
   PerFrame<SensorView> views;
 };
 
-/// Looks for the change of each lens that makes the large planes of its frames flat, and takes it
-/// where that is much more probable than the lens that is assumed. One of which nothing is known
-/// may also be like those of a known kind: which is assumed then is what makes the planes most
-/// probable. A lens of which something is known, but which the planes contradict altogether, stays
-/// as it is. The result has the planes' evidence about every lens, but about such a one.
+/// Looks for the change of each lens that makes the large planes of its frames flat. Takes it if it
+/// is much more probable than the assumed lens. A lens of which nothing is known may also be like
+/// that of a known kind: the one that makes the planes most probable is assumed. If something is
+/// known of a lens, and the planes contradict it altogether, the lens stays as it is. The result
+/// has the planes' evidence about every other lens.
 FoundLenses FindLenses(const CaptureSet& capture, LensSet lenses, int threads);
 
-/// The large planes of each view, which was made with the lenses' intrinsics; none of a frame that
-/// repeats a sensor.
+/// The large planes of each view, which was made with the lenses' intrinsics. Frames that repeat a
+/// sensor have none.
 PerFrame<SensorPlanes> FindPlanes(const PerFrame<SensorView>& views, const LensSet& lenses,
                                   int threads);
 

@@ -13,14 +13,14 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Under an error of a pixel or less across the ray.
+/// Below the effect of an error of a pixel or less across the ray.
 constexpr double kLeastLever = 0.2;
-/// Of the logarithm of smooth_m: real sensors of a kind lie within a factor of 2 or so
+/// Spread of the logarithm of smooth_m. Real sensors of a kind lie within a factor of 2 or so
 /// (docs/sensor-models.md).
 constexpr double kSmoothSpread = 0.8;
 const double kLeastSmooth = StepSigma() * kDepthStep, kMostSmooth = kSamePlace;  // m
 constexpr std::array<double, 3> kSmoothLengths = {0.05, 0.1, 0.18};              // rad
-const double kSmoothStep = std::cbrt(2);  // between sizes, which a frame tells to a tenth at best
+const double kSmoothStep = std::cbrt(2);  // between sizes; a frame determines them to a tenth
 
 }  // namespace
 

@@ -11,15 +11,15 @@
 
 namespace volalign::refine_internal {
 
-/// Matern 3/2: smooth, but not so smooth that a field could be foretold from far away.
+/// Matern 3/2: a smooth field, but not so smooth that it could be predicted far away.
 inline double Correlation(double distance, double length) {
   const double x = std::sqrt(3) * distance / length;
   return (1 + x) * std::exp(-x);
 }
 
-/// Negative logarithm of the restricted likelihood of residuals r under covariance C, when the
-/// parameters of J are unknown (Patterson and Thompson, "Recovery of inter-block information when
-/// block sizes are unequal", Biometrika 1971). Infinite where C has no Cholesky factor.
+/// Negative logarithm of the restricted likelihood of residuals r under covariance C, with the
+/// parameters of J unknown. Source: Patterson and Thompson, "Recovery of inter-block information
+/// when block sizes are unequal", Biometrika 1971. Infinite if C has no Cholesky factor.
 double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
                       const Eigen::MatrixXd& jacobian);
 
@@ -45,25 +45,24 @@ double MinimiseOverLog(double low, double high, const F& f, double* best) {
   return values[static_cast<std::size_t>(least)];
 }
 
-/// How a smooth depth error moves observations: row i of `bearings` is (x/z, y/z) of the i-th, and
-/// an error of 1 m at 2 m moves it by levers[i], m.
+/// How a smooth depth error moves observations. Row i of `bearings` is (x/z, y/z) of observation i.
+/// An error of 1 m at 2 m moves it by levers[i], m.
 struct SmoothMovement {
   Eigen::MatrixX2d bearings;
   Eigen::VectorXd levers;
 
-  /// Along the normal of the surface that a point p of the sensor frame lies on. A depth error
-  /// moves a surface that is seen at grazing incidence little, but there errors across the ray
-  /// count.
+  /// Movement along the surface's normal at a point p of the sensor frame. At grazing incidence a
+  /// depth error moves a surface little, but errors across the ray count.
   static double Lever(const DepthErrorModel& errors, const Eigen::Vector3d& p,
                       const Eigen::Vector3d& normal);
-  /// For an error of 1 m at 2 m.
+  /// The covariance for an error of 1 m at 2 m.
   Eigen::MatrixXd Covariance(double length_rad) const;
 };
 
-/// Fills smooth_m and smooth_rad of `errors` with the root of the mean square and with the mean
-/// over all values, weighted by how probable residuals are under them (RestrictedCost): smooth_m
-/// has a log-normal prior about what it is. The most probable ones would be taken for known, and
-/// poses for better known than they are. `rest`: the covariance of all other errors.
+/// Fits smooth_m and smooth_rad of `errors`. They become the root of the mean square and the mean
+/// over all values, weighted by how probable residuals are under them (RestrictedCost). The most
+/// probable values would make poses seem better known than they are. smooth_m has a log-normal
+/// prior about its current value. `rest`: the covariance of all other errors.
 void FitSmoothError(const SmoothMovement& movement, const Eigen::MatrixXd& rest,
                     const Eigen::VectorXd& residuals, const Eigen::MatrixXd& unknown,
                     DepthErrorModel* errors);

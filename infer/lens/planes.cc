@@ -68,7 +68,7 @@ bool Continues(const Patch& a, const Patch& b) {
          std::abs(b.normal.dot(d)) < step;
 }
 
-/// The patches of an image on a grid of blocks, and which surface each belongs to.
+/// The patches of an image on a grid of blocks, and the surface of each.
 class PatchGrid {
  public:
   explicit PatchGrid(const SensorView& view)
@@ -83,8 +83,7 @@ class PatchGrid {
 
   int size() const { return static_cast<int>(patches_.size()); }
 
-  /// The patches that can be reached from one by steps that continue its surface; nothing where it
-  /// is taken.
+  /// The patches that steps on the same surface reach from one. Empty if that one is taken.
   LargePlane Grow(int seed) {
     LargePlane plane;
     if (!patches_[Index(seed)] || taken_[Index(seed)]) return plane;

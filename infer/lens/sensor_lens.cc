@@ -18,12 +18,12 @@ namespace {
 /// Standard deviations of the logarithm of the focal length, of k1 and of k2.
 using Sigmas = std::array<double, kLensParameters>;
 
-/// A calibration of this very lens. Two factory calibrations of Azure Kinects agree to 0.1 % of the
-/// radius over the whole image.
+/// A calibration of the device itself. Two factory calibrations of Azure Kinects agree to 0.1 % of
+/// the radius over the whole image.
 constexpr Sigmas kGiven = {0.002, 0.004, 0.006};
 constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
-/// One that is unknown, where no plane looks bent: most sensors whose capture gives no distortion
-/// rectify their images.
+/// An unknown lens, if no plane looks bent. Most sensors whose capture gives no distortion rectify
+/// their images.
 constexpr Sigmas kNoBend = {0.01, 0.015, 0.02};
 
 constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image
@@ -35,20 +35,20 @@ constexpr double kFolded = 0.05;  // determinant of the derivative, of which 1 i
 
 Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], sigmas[2]}; }
 
-/// As intrinsics have it, empty where there is none.
+/// With the distortion of intrinsics, empty if there is none.
 LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
   return {lens.distortion, AsVector(lens.sigmas), source};
 }
 
-/// See SensorLens. Of a kind whose lens is not known, that of a calibration.
+/// See SensorLens::own_focal_sigma. A kind without a known lens has that of a calibration.
 double OwnFocalSigma(const std::string& sensor) {
   const SensorKind* kind = FindSensorKind(sensor);
   return kind != nullptr && kind->lens ? kind->lens->own_focal_sigma : kGiven[0];
 }
 
-/// Does a capture say equally much of two lenses of one kind? Calibrations on record of devices of
-/// one kind differ by up to 0.9 % (configs/intrinsics.yaml; of the first Kinect, whose owners
-/// calibrated it, by 3 %).
+/// Does a capture say equally much of two lenses of one kind? Recorded calibrations of devices of
+/// one kind differ by up to 0.9 %. The first Kinect, calibrated by its owners, differs by 3 %
+/// (configs/intrinsics.yaml).
 bool SaidAlike(const SensorFrame& a, const SensorFrame& b) {
   const auto log_focal = [](const SensorFrame& frame) {
     return std::log(frame.intrinsics.fx / frame.intrinsics.width);
@@ -132,7 +132,7 @@ PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lense
 LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
   LensSet set = GivenLenses(capture);
   set.lenses.clear();
-  std::vector<std::pair<const SensorFrame*, std::size_t>> shared;  // the first that has a lens
+  std::vector<std::pair<const SensorFrame*, std::size_t>> shared;  // the first frame of each lens
   std::vector<std::size_t> of_sensor;
   for (const FrameId id : capture.sensor_of.Ids()) {
     const SensorFrame& frame = capture[id];
@@ -178,7 +178,7 @@ LensSet GivenLenses(const CaptureSet& capture) {
 }
 
 LensEstimate EstimateLens(const LensEvidence& evidence, const Eigen::Vector3d& prior_sigmas) {
-  // In units of the prior, so that a standard deviation of zero is no division.
+  // In units of the prior, to allow a standard deviation of zero.
   const Eigen::Matrix3d scale = prior_sigmas.asDiagonal();
   const Eigen::Matrix3d inverse =
       (scale * evidence.information * scale + Eigen::Matrix3d::Identity()).inverse();

@@ -21,11 +21,11 @@ namespace {
 using refine_internal::FitSmoothError;
 using refine_internal::SmoothMovement;
 
-/// Mean square of the residuals, in standard deviations, beyond which a surface is none of a plane.
+/// Largest mean square of a plane's residuals, in standard deviations.
 constexpr double kNoPlane = 2;
 
 // The search for the lens.
-/// Of half the sum of squares, for another step, which has at least that part of a whole one.
+/// Least gain in half the sum of squares for another step, and least part of a whole step.
 constexpr double kLeastGain = 1e-3;
 
 /// A plane's residuals, m, and their derivatives.
@@ -36,7 +36,7 @@ struct PlaneResiduals {
   SmoothMovement movement;
 };
 
-/// Of points that were seen through a lens of these intrinsics.
+/// Residuals of points that were seen through a lens of these intrinsics.
 PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points, const Intrinsics& intrinsics,
                            const DepthErrorModel& errors) {
   const auto n = static_cast<Eigen::Index>(points.size());
@@ -60,9 +60,8 @@ PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points, const Int
     of.by_plane.row(i) << solver.eigenvectors().col(1).dot(d), solver.eigenvectors().col(2).dot(d),
         1;
     of.by_lens.row(i) = p.z() * normal.head<2>().transpose() * RayByLens(intrinsics, ray);
-    // A plane stays one when all rays are scaled. What is left of the focal length's influence
-    // where there is a distortion cannot be told from the shape of the curve, which k1 and k2 have
-    // but nearly.
+    // A plane stays one if all rays are scaled. With distortion, the focal length has a small
+    // influence left, but k1 and k2 describe nearly the same change of the curve.
     of.by_lens(i, 0) = 0;
     of.movement.levers[i] = SmoothMovement::Lever(errors, p, normal);
     of.movement.bearings.row(i) = ray;
@@ -70,8 +69,8 @@ PlaneResiduals ResidualsOf(const std::vector<Eigen::Vector3d>& points, const Int
   return of;
 }
 
-/// Of the errors, with the smooth one under which the residuals are most probable. `variances`: of
-/// the independent ones.
+/// Covariance of the errors, with the smooth error under which the residuals are most probable.
+/// `variances`: of the independent errors.
 Eigen::MatrixXd FitCovariance(const PlaneResiduals& plane, const Eigen::VectorXd& variances,
                               DepthErrorModel errors) {
   Eigen::MatrixXd unknown(plane.residuals.size(), 3 + kLensParameters);
@@ -81,8 +80,8 @@ Eigen::MatrixXd FitCovariance(const PlaneResiduals& plane, const Eigen::VectorXd
   return errors.smooth_m * errors.smooth_m * plane.movement.Covariance(errors.smooth_rad) + own;
 }
 
-/// Residuals and their derivatives by the lens in standard deviations, independent of each other,
-/// after the plane's own place has been taken out.
+/// Residuals and their derivatives by the lens, in standard deviations. They are independent of
+/// each other and of the plane's own place.
 struct Whitened {
   Eigen::VectorXd residuals;
   Eigen::MatrixXd by_lens;
@@ -109,10 +108,10 @@ double PriorCost(const LensChange& change, const Eigen::Vector3d& sigmas) {
 
 }  // namespace
 
-/// A plane of so few patches has no shape.
+/// So few patches have no shape.
 constexpr std::size_t kPlaneParameters = 3;
 
-/// A plane with what is known about its errors.
+/// A plane with its errors.
 class WeighedPlane {
  public:
   WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with, const DepthErrorModel& errors)
@@ -166,7 +165,7 @@ class WeighedPlanes {
     }
   }
 
-  /// Half the sum of squares of all residuals; adds what they say about a change from these
+  /// Half the sum of squares of all residuals. Adds their evidence about a change from these
   /// intrinsics to `further`.
   double CostThrough(const Intrinsics& intrinsics, LensEvidence* further) const {
     double cost = 0;
@@ -185,7 +184,8 @@ class WeighedPlanes {
 
 namespace {
 
-/// Half the sum of squares of all sensors' residuals at a change, and what they say about the lens.
+/// Half the sum of squares of all sensors' residuals at a change. `evidence`: theirs about the
+/// lens.
 double CostAt(const std::vector<WeighedPlanes>& sensors, const std::vector<Intrinsics>& assumed,
               const LensChange& change, LensEvidence* evidence) {
   *evidence = LensEvidence();

@@ -1,7 +1,6 @@
 #pragma once
 
-// What large planes say about a lens: a wall that is seen through another lens than the intrinsics
-// have is bent.
+// Evidence of large planes about a lens: through wrong intrinsics, a wall is bent.
 
 #include <Eigen/Core>
 #include <vector>
@@ -11,8 +10,7 @@
 
 namespace volalign {
 
-/// The large planes that one sensor sees, the intrinsics that its view was made with, and how
-/// depths of its kind err.
+/// The large planes of one sensor, the intrinsics of its view, and the depth errors of its kind.
 struct SensorPlanes {
   Intrinsics intrinsics;
   std::vector<LargePlane> planes;
@@ -22,28 +20,27 @@ struct SensorPlanes {
 /// Planes with what is known about their errors.
 class WeighedPlanes;
 
-/// The planes of sensors that share a lens. Of each plane the place is unknown, its points have
-/// independent errors and a smooth one, whose size and correlation length are those under which its
-/// bend is most probable (restricted likelihood). A surface that no lens makes flat is left out.
+/// The planes of sensors that share a lens. The place of each plane is unknown. Its points have
+/// independent errors and a smooth one. The smooth error's size and correlation length make the
+/// bend most probable (restricted likelihood). A surface that no lens makes flat is left out.
 class Straightness {
  public:
   explicit Straightness(const std::vector<SensorPlanes>& sensors);
   ~Straightness();
 
-  /// The change from `assumed` (of each sensor) under which the planes are most probably flat, from
-  /// `start` on. They tell nothing about the focal length: it stays.
+  /// The change from `assumed` (of each sensor) under which the planes are most probably flat,
+  /// beginning at `start`. The focal length stays, as planes do not determine it.
   LensEstimate Straighten(const std::vector<Intrinsics>& assumed,
                           const Eigen::Vector3d& prior_sigmas, const LensChange& start) const;
 
-  /// What the planes say about the lens, linear at `change`.
+  /// The planes' evidence about the lens, linear at `change`.
   LensEvidence EvidenceAt(const std::vector<Intrinsics>& assumed, const LensChange& change) const;
 
  private:
   std::vector<WeighedPlanes> sensors_;
 };
 
-/// The farthest, m, that a further change moves a patch off its plane, the plane being fitted
-/// again.
+/// The farthest, m, that a further change moves a patch off its plane, with the plane fitted again.
 double LargestBend(const SensorPlanes& sensor, const LensChange& change);
 
 }  // namespace volalign

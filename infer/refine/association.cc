@@ -8,12 +8,11 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Cosine from which on a silhouette agrees with an edge (60 deg): near a corner the nearer of two
-/// edges counts.
+/// Least cosine between a silhouette and its edge (60 deg). Near a corner, the nearer of two edges
+/// counts.
 constexpr double kEdgeAgrees = 0.5;
-/// Cosine from which on a one-sided silhouette agrees with an edge, whose direction was measured:
-/// the border of what a sensor lights, or of what hides a side and has no depth itself, seldom runs
-/// as the side's edges do.
+/// The same for a one-sided silhouette, whose direction was measured. The border of a sensor's
+/// light, or of a hiding object without depth, is seldom parallel to the side's edges.
 constexpr double kOneSidedAgrees = kSameDirection;
 
 }  // namespace
@@ -41,8 +40,7 @@ bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const S
   const Side& side = structure.SideOfLabel(point.label);
   const Eigen::Vector3d p = sensor.InStructure(point.p);
   if (!((side.ClosestPoint(p) - p).norm() <= gate)) return false;
-  // A label that leaks round an edge would pull its side sideways; the point's own normal gives
-  // it away.
+  // A label beyond the side's edge would pull the side sideways. The point's own normal shows it.
   return point.normal.isZero() ||
          (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kFacesAlike;
 }

@@ -11,15 +11,15 @@
 
 namespace volalign::refine_internal {
 
-/// How near things have to be to be taken for the same. Overlap that is to hold poses, where the
-/// structure does not, may be farther apart: pair_overlap.cc.
+/// The largest distances and angle at which things count as the same. Overlap that has to fix
+/// poses, where the structure does not, may be farther apart: see pair_overlap.cc.
 struct Gates {
   double side = 2 * kRoughPose;   ///< m, distance of a labelled point to its side
   double overlap = kSamePlace;    ///< m, distance of matched points of two sensors
   double min_cosine = kOnePlane;  ///< between their normals
 };
 
-/// One of the four edge lines of a side: direction . p = offset, direction pointing out of the
+/// One of the four edge lines of a side: direction . p = offset. The direction points out of the
 /// side.
 struct EdgeLine {
   Eigen::Vector3d direction;
@@ -27,17 +27,17 @@ struct EdgeLine {
   int edge;  ///< 0 ... 3: +u, -u, +v, -v
 };
 
-/// The edge of the side that a silhouette point at p belongs to: the nearest within `gate`, m,
-/// whose direction agrees with `outward`. Structure frame.
+/// Finds the nearest edge of the side within `gate`, m, of a silhouette point p. The edge's
+/// direction has to agree with `outward`. Structure frame. Returns false if there is none.
 bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
                  double gate, EdgeLine* line);
 
-/// Does a labelled point lie on the side that it is labelled with, within `gate`, m, and face as it
-/// does? A point that is not finite does not.
+/// Does a labelled point lie within `gate`, m, of its side, and does its normal agree? False if the
+/// point is not finite.
 bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const SidePoint& point,
                    double gate);
 
-/// Does a silhouette point lie on an edge of its side, and on which?
+/// Does a silhouette point lie within `gate`, m, of an edge of its side? `line`: that edge.
 bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
                   double gate, EdgeLine* line);
 

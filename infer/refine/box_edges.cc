@@ -28,7 +28,7 @@ bool RestsOn(const Box& upper, const Box& lower) {
          std::abs(apart.z()) < touching.z();
 }
 
-/// Marks what rests on a box, and on that.
+/// Marks the boxes that rest on a box, directly or not.
 void MarkAbove(const std::vector<Box>& boxes, std::size_t lower, std::vector<char>* above) {
   for (std::size_t b = 0; b < boxes.size(); ++b) {
     if (b == lower || (*above)[b] || !RestsOn(boxes[b], boxes[lower])) continue;
@@ -55,7 +55,7 @@ Structure WithEdge(const Structure& structure, int box, int axis, double change)
 }
 
 std::optional<RefinedEdge> LikeliestEdge(const JointProblem& problem, const Solution& solution) {
-  // An edge is as likely to be wrong by this as the size of all boxes is by its prior.
+  // m: prior standard deviation of an edge's error.
   constexpr double kUnit = kSamePlace;
   const auto boxes = static_cast<int>(problem.structure.boxes().size());
   std::vector<Structure> changed;

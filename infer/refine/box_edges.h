@@ -1,6 +1,6 @@
 #pragma once
 
-// Is one box another than described? Not for callers of Refine.
+// Is the length of one box's edge described wrongly? Not for callers of Refine.
 
 #include <optional>
 
@@ -10,14 +10,14 @@
 
 namespace volalign::refine_internal {
 
-/// The structure with one edge of a box longer by `change`, m; `axis`: of the box's own frame. A
-/// box that is higher lifts what rests on it, one that is wider or deeper keeps its middle. The
-/// change may be negative, but not shorten the edge below kShortestEdge (DataError).
+/// The structure with one edge of a box longer by `change`, m. `axis` is an axis of the box's own
+/// frame. A higher box lifts what rests on it. A wider or deeper box keeps its middle. `change` may
+/// be negative. Throws DataError if the edge becomes shorter than kShortestEdge.
 Structure WithEdge(const Structure& structure, int box, int axis, double change);
 
-/// The edge of a single box whose wrong length explains the measurements best, with all boxes'
-/// common size as described, by a quadratic approximation about the solution. `solution`: with all
-/// frames that take part. Nothing where it cannot be computed.
+/// The edge of a single box whose wrong length explains the measurements best. The size that all
+/// boxes share is then as described. It is a quadratic approximation about `solution`, in which all
+/// frames take part. Nothing if it cannot be computed.
 std::optional<RefinedEdge> LikeliestEdge(const JointProblem& problem, const Solution& solution);
 
 }  // namespace volalign::refine_internal

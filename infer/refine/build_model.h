@@ -7,10 +7,10 @@
 
 namespace volalign::refine_internal {
 
-/// Parameters of the structure's real build, three Ceres blocks: size scale - 1; of each box its
-/// x, z (m) and yaw (rad, about the vertical through its centre); and of each labelled side by how
-/// much its middle bulges, m (Side::BulgeAt). Box b of the scaled stack stands on the same floor:
-/// its centre rises by (size scale - 1) * (its height above the floor).
+/// Parameters of the structure as built, three Ceres blocks. `size`: size scale - 1. `boxes`: x, z
+/// (m) and yaw (rad, about the vertical through its centre) of each box. `bulges`: how far the
+/// middle of each labelled side bulges, m (Side::BulgeAt). The scaled stack stands on the same
+/// floor: the centre of a box rises by (size scale - 1) * (its height above the floor).
 struct BuildParameters {
   const double* size;
   const double* boxes;
@@ -19,7 +19,7 @@ struct BuildParameters {
 /// How many boxes and labelled sides a structure has.
 struct BuildSize {
   int boxes = 0, sides = 0;
-  /// How many parameters they have. Those of boxes come first.
+  /// The number of their parameters. Those of boxes come first.
   int parameters() const { return 3 * boxes + sides; }
 };
 class BuildModel {
@@ -36,7 +36,7 @@ class BuildModel {
   static int Z(int box) { return 3 * box + 1; }
   static int Yaw(int box) { return 3 * box + 2; }
   static int Bulge(int label) { return label - 1; }
-  /// Where the box went: structure_from_box' = Offset * structure_from_box (before scaling).
+  /// The movement of a box: structure_from_box' = Offset * structure_from_box (before scaling).
   Pose Offset(const BuildParameters& build, int box) const;
   /// structure() as built.
   Structure Built(const BuildParameters& build) const;

@@ -4,7 +4,8 @@
 
 namespace volalign {
 
-/// Of the Ceres that this library was built with, and what it was built with: "2.1.0-eigen-...".
+/// The version of the Ceres that this library was built with, and its build options:
+/// "2.1.0-eigen-...".
 std::string CeresVersion();
 
 }  // namespace volalign

@@ -17,7 +17,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Of matches, standard deviations.
+/// The loss of matches, in standard deviations.
 const ceres::LossFunction& RobustLoss() {
   static const ceres::CauchyLoss loss(2);
   return loss;
@@ -130,7 +130,7 @@ ceres::CostFunction* PriorCost(const Eigen::VectorXd& sigmas) {
 ceres::CostFunction* LensEvidenceCost(const LensEvidence& evidence) {
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(evidence.information);
   const Eigen::Vector3d values = solver.eigenvalues().cwiseMax(0);
-  // Along what the planes say nothing of, any mean will do.
+  // The mean is arbitrary along directions of which the planes say nothing.
   const double least = 1e-12 * values.maxCoeff();
   const Eigen::Vector3d moment = solver.eigenvectors().transpose() * evidence.moment;
   const Eigen::Vector3d mean = (values.array() > least).select(moment.cwiseQuotient(values), 0);

@@ -17,9 +17,9 @@
 
 namespace volalign::refine_internal {
 
-/// Point p of sensor a against the plane at q that sensor b measured: weight * n . (T_b^-1 T_a p -
-/// q), the poses of a and b being parameters[0] and [1]. `jacobians`, and each of its two, may be
-/// null.
+/// Distance of point p of sensor a from the plane at q that sensor b measured, times `weight`:
+/// weight * n . (T_b^-1 T_a p - q). parameters[0] and [1] are the poses of a and b. `jacobians`,
+/// and each of its two, may be null.
 double PointToPlane(const Eigen::Vector3d& p, const Eigen::Vector3d& q, const Eigen::Vector3d& n,
                     double weight, double const* const* parameters, double** jacobians);
 
@@ -30,7 +30,7 @@ struct LensPoint {
   LensChange lens;                                          ///< with which p was measured
   SensorErrorVector by_errors = SensorErrorVector::Zero();  ///< see FaceObservation
 
-  /// Where it is when the lens is another, and the sensor's own focal length (see State).
+  /// The point through a lens with this change and the sensor's own focal length (see State).
   Eigen::Vector3d Through(const double* change, double focal) const {
     Eigen::Vector3d moved = p;
     moved.head<2>() += p.z() * by_lens *
@@ -43,8 +43,8 @@ struct LensPoint {
 struct RobustResidual {
   double value, slope;
 };
-/// Of a residual r in standard deviations: its square is `share` times Cauchy's loss of r^2, which
-/// bends at two.
+/// A robust version of a residual r in standard deviations. Its square is `share` times Cauchy's
+/// loss of r^2, which bends at two.
 RobustResidual MakeRobust(double residual, double share);
 
 /// A point and a plane (PointToPlane), as they were measured.
@@ -54,10 +54,10 @@ struct MeasuredMatch {
   double weight;
 };
 
-/// MakeRobust, for matches that say less than as many independent ones would, of the distances
-/// of points from planes as the sensors' own errors have them, divided by the mean of the gains
-/// (see Residuals). Parameters: the poses of a and b, their depth offsets, the errors of their
-/// sensors, and their lenses, a single one where `shared`. Normals stay as they were measured.
+/// MakeRobust of the distances of points from planes. The distances are as the sensors' own errors
+/// have them, divided by the mean of the gains (see Residuals). `share`: matches say less than as
+/// many independent ones. Parameters: the poses of a and b, their depth offsets, the errors of
+/// their sensors, and their lenses, a single one if `shared`. Normals stay as they were measured.
 class MeasuredOverlapCost : public ceres::CostFunction {
  public:
   MeasuredOverlapCost(std::vector<MeasuredMatch> matches, double share, bool shared);
@@ -65,7 +65,7 @@ class MeasuredOverlapCost : public ceres::CostFunction {
                 double** jacobians) const override;
 
  private:
-  /// Of one match, not made robust. Jacobians, and each of them, may be null.
+  /// One match, not made robust. `jacobians`, and each of them, may be null.
   void EvaluateMatch(const MeasuredMatch& match, double const* const* parameters, double* residual,
                      double** jacobians) const;
 
@@ -74,17 +74,18 @@ class MeasuredOverlapCost : public ceres::CostFunction {
   bool shared_;
 };
 
-/// 0.5 |residuals|^2 is -log-likelihood of a lens change, but for a constant.
+/// The -log-likelihood of a lens change is 0.5 |residuals|^2, up to a constant.
 ceres::CostFunction* LensEvidenceCost(const LensEvidence& evidence);
 
-/// A loose prior on the pose: [(T p0 - T0 p0) / sigma_t; 2 vec(q q0^-1) / sigma_r], p0 the sensor's
-/// point that T0 takes to the structure's origin. It decides nothing but directions that no
-/// measurement constrains, whose variance it bounds.
+/// A loose prior on the pose: [(T p0 - T0 p0) / sigma_t; 2 vec(q q0^-1) / sigma_r]. T0 takes the
+/// sensor's point p0 to the structure's origin. The prior decides only directions that no
+/// measurement constrains, and bounds their variance.
 ceres::CostFunction* PosePriorCost(const Pose& prior, double sigma_translation,
                                    double sigma_rotation);
 
-/// How far a sensor stands and looks apart in two stills, over standard deviations of m and rad:
-/// [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses P_a T_a and P_b T_b. Parameters: P_a, T_a, P_b, T_b.
+/// The change of a sensor's pose between two captures: [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses
+/// P_a T_a and P_b T_b. It is divided by standard deviations, m and rad. Parameters: P_a, T_a, P_b,
+/// T_b.
 ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation);
 
 /// (b - a) / sigma, of two parameters of one element.

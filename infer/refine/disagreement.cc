@@ -20,8 +20,8 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kShownBy = 0.5;  // share of the largest contradiction
-/// By what noise models may understate variances. Four real Kinects: 2.8; simulated ones 0.4 to
-/// 1.4.
+/// Most by which noise models may understate variances. Four real Kinects: 2.8; simulated ones: 0.4
+/// to 1.4.
 constexpr double kMostVarianceFactor = 3;
 
 }  // namespace
@@ -47,12 +47,12 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   const auto precision = [&](Eigen::Index column) {
     return 1 / Square(priors.prior_sigmas[column]);
   };
-  // Indices among the frame's columns: of what others tell something of, and of what is its own.
+  // Indices among the frame's columns: shared with others' measurements, and the frame's own.
   std::vector<Eigen::Index> shared, alone;
   for (std::size_t k = 0; k < own.columns.size(); ++k) {
     const Eigen::Index column = own.columns[k];
     if (constant[static_cast<std::size_t>(column)]) continue;
-    // More than its prior, but for rounding.
+    // Known better than by its prior, up to rounding.
     const bool told = predicted.information(column, column) >
                       (1 + std::numeric_limits<float>::epsilon()) * precision(column);
     (told ? shared : alone).push_back(static_cast<Eigen::Index>(k));
@@ -61,7 +61,7 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   for (Eigen::Index k = 0; k < predicted.gradient.size(); ++k) {
     if (!constant[static_cast<std::size_t>(k)]) free.push_back(k);
   }
-  // What the frame says of what is shared, the rest being as is most probable.
+  // The frame's evidence about shared parameters, with its own ones at their most probable values.
   Eigen::MatrixXd rest = own.information(alone, alone);
   Eigen::VectorXd pull = own.gradient(alone);
   for (std::size_t k = 0; k < alone.size(); ++k) {
@@ -116,7 +116,7 @@ bool Disagrees(const Disagreement& disagreement) {
 
 namespace {
 
-/// `free`, and of the build whatever its priors leave open.
+/// `free`, with all of the build that the priors leave open.
 FreeSet WithBuild(const JointProblem& problem, FreeSet free) {
   free.boxes = problem.priors.box > 0;
   free.size = problem.priors.size > 0;
@@ -134,14 +134,14 @@ struct CostByFrame {
         own[i] = MeasurementsOf(problem, solution, i);
     });
   }
-  /// Of a frame, as all others predict what it measures.
+  /// A frame's, predicted by all others.
   Disagreement Of(std::size_t frame) const {
     if (!own[frame]) return {};
     NormalEquations others = all.normal;
     Add(*own[frame], -1, &others);
     return Innovation(*own[frame], others, all, constant);
   }
-  /// Of a frame, as another one predicts it.
+  /// A frame's, predicted by another one.
   Disagreement Of(std::size_t frame, std::size_t by) const {
     if (!own[frame] || !own[by]) return {};
     const Eigen::VectorXd precisions = all.prior_sigmas.cwiseAbs2().cwiseInverse();
@@ -156,12 +156,12 @@ struct CostByFrame {
 
   QuadraticCost all;
   std::vector<char> constant;
-  std::vector<std::optional<OwnMeasurements>> own;  // nothing of one without faces
+  std::vector<std::optional<OwnMeasurements>> own;  // nothing without faces
 };
 
-/// Divides the costs by the variance factor of all frames: by how much the median frame is farther
-/// off than its noise model expects (Pope, "The Statistics of Residuals and the Detection of
-/// Outliers", 1976, by the median).
+/// Divides the costs by the variance factor of all frames: how much farther off the median frame is
+/// than its noise model expects. Pope, "The Statistics of Residuals and the Detection of Outliers",
+/// 1976, but with the median.
 void ScaleByVarianceFactor(std::vector<Disagreement>* measured) {
   std::vector<double> factors;
   for (const Disagreement& of : *measured) {
@@ -172,8 +172,7 @@ void ScaleByVarianceFactor(std::vector<Disagreement>* measured) {
   for (Disagreement& of : *measured) of.cost /= factor;
 }
 
-/// The frames of its still that a frame contradicts at least half as much as the one that it
-/// contradicts most.
+/// The frames of the same capture that a frame contradicts most, or at least half as much.
 std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame& cost,
                                   std::size_t frame) {
   std::vector<std::pair<double, int>> others;
@@ -189,8 +188,8 @@ std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame
   return contradicted;
 }
 
-/// Of a frame that disagrees: the one to set aside. That a sensor has moved pulls on all its
-/// frames. Of three or more it is the one that begins farthest from the others.
+/// The frame to exclude, if `worst` disagrees most. A sensor that has moved disagrees in all its
+/// frames. With three or more of them, the frame that begins farthest from the others is excluded.
 std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
   const State& state = agreed.solution.state;
   std::vector<std::size_t> frames;
@@ -214,11 +213,11 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   return worst;
 }
 
-/// May this frame be set aside, too? Where its sensor has three frames or more, most of these have
-/// to stay; else most sensors have to be without a frame that is set aside.
+/// May this frame be excluded, too? Yes if its sensor has three frames or more and most of these
+/// stay. Yes also if most sensors stay without an excluded frame.
 bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
                     const std::vector<char>& takes_part, std::size_t frame) {
-  std::map<int, std::pair<int, int>> of_sensor;  // its frames, and those set aside
+  std::map<int, std::pair<int, int>> of_sensor;  // its frames, and the excluded ones
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!takes_part[i]) continue;
     auto& [frames, aside] = of_sensor[agreed.solution.state.SensorOf(i)];
@@ -232,8 +231,8 @@ bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
   return 2 * static_cast<std::size_t>(doubted) < of_sensor.size();
 }
 
-/// What a frame's own measurements and the priors make most probable, the lens being known. It
-/// begins at the frame's start: others may have pulled it out of reach of what it measured.
+/// The most probable solution by a frame's own measurements and the priors, with the lens known. It
+/// begins at the frame's start, since others may have pulled the frame too far away.
 std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& asked_for,
                                    std::size_t frame, Solution solution) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
@@ -248,7 +247,7 @@ std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& a
   return alone;
 }
 
-/// From whole priors on.
+/// Solves again, beginning with whole priors.
 std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& asked_for,
                                   Solution solution) {
   solution.free = asked_for;
@@ -258,7 +257,7 @@ std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& as
   return SolveWithScaledPriors(problem, std::move(solution));
 }
 
-/// What is left when a frame stays at a pose and says nothing.
+/// Solves without a frame, which stays at a pose.
 std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet& asked_for,
                                      std::size_t frame, const PoseBlock& pose, Solution solution) {
   HoldFrame(problem, frame, &solution);
@@ -267,7 +266,7 @@ std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet&
   return SolveAnew(problem, asked_for, std::move(solution));
 }
 
-/// See SetAsideDisagreeing; of a solution in which all of `asked_for` may be free.
+/// SetAsideDisagreeing for a solution in which all of `asked_for` may be free.
 Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, Solution solution) {
   Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size()),
                 std::vector<Disagreement>(problem.size())};

@@ -1,7 +1,6 @@
 #pragma once
 
-// What one sensor says in the refinement: observations and how far they can be trusted. Not for
-// callers of Refine.
+// Observations of one sensor in the refinement, and their noise. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <vector>
@@ -16,10 +15,10 @@ namespace volalign::refine_internal {
 struct FaceObservation {
   Eigen::Vector3d p;  ///< mean of the points
   int label = 0;
-  /// By how many m each of its sensor's errors, at 1, adds to its depth.
+  /// The depth error, m, that each of its sensor's errors causes at 1.
   SensorErrorVector by_errors = SensorErrorVector::Zero();
   double bulge = 0;      ///< see Side::BulgeAt
-  double aside_rad = 0;  ///< of p: the mean over its points, which are off alike, see SidePoint
+  double aside_rad = 0;  ///< of p: mean over its points, which are off alike, see SidePoint
   double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
@@ -43,7 +42,7 @@ struct FrameObservations {
   /// Lower Cholesky factors of the covariances of the residuals, faces and edges, in m.
   Eigen::MatrixXd face_root, edge_root;
 
-  /// All but the noise model.
+  /// Keeps only the noise model.
   void Forget() {
     const NoiseModel known = noise;
     *this = FrameObservations();

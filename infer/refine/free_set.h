@@ -5,7 +5,7 @@
 
 namespace volalign::refine_internal {
 
-/// What is estimated beside the poses and the nuisances that are always free.
+/// The parameters that are estimated beside the poses and the nuisances that are always free.
 struct FreeSet {
   bool boxes = false, size = false, gain = false, offset = false;
   std::vector<char> lens;  ///< of each lens
@@ -15,7 +15,7 @@ struct FreeSet {
 /// depth offsets.
 enum PriorGroup { kPlaces, kTurns, kSizes, kGains, kOffsets, kPriorGroups };
 
-/// How far the parameters of each group stray from their nominal values, as a factor on their prior
+/// How far the parameters of each group deviate from their nominal values: a factor on their prior
 /// standard deviations.
 using PriorScales = std::array<double, kPriorGroups>;
 inline constexpr PriorScales kWholePriors = {1, 1, 1, 1, 1};

@@ -6,7 +6,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Makes the mean displacement of a still's boxes zero. Returns it.
+/// Makes the mean displacement of one capture's boxes zero. Returns the mean.
 Eigen::Vector3d TakeMeanOut(std::vector<double>* boxes) {
   // Columns x, z and yaw of each box.
   Eigen::Map<Eigen::Matrix3Xd> all(boxes->data(), 3, static_cast<Eigen::Index>(boxes->size()) / 3);

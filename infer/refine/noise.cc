@@ -25,7 +25,7 @@ constexpr double kLineTolerance = 0.004;  // m, an edge of a box is not a straig
 constexpr std::array<double, 3> kSeams = {0.1, 0.4, 1};  // of the kind's
 constexpr double kLeastEdge = 0.25, kEdgeSpread = 1;     // of NoiseModel::edge
 constexpr std::size_t kMostObservations = 110;           // of each kind: enough for three numbers
-constexpr Eigen::Index kFewestToFit = 12;  // of each kind: that tell more than the defaults
+constexpr Eigen::Index kFewestToFit = 12;  // of each kind: enough to improve on the defaults
 
 Eigen::Vector2d Bearing(const Eigen::Vector3d& p) { return p.head<2>() / p.z(); }
 
@@ -59,7 +59,8 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
   return variances;
 }
 
-/// Of the edges, m^2: `own` for scale 1, and what the points of an edge have in common, per px^2.
+/// Covariance of the edges, m^2: `own` for scale 1, and `common`, the part that the points of an
+/// edge share, per px^2.
 struct EdgeCovariance {
   explicit EdgeCovariance(const FrameObservations& observed) {
     const double tolerance = std::hypot(kLineTolerance, observed.noise.line);
@@ -91,7 +92,7 @@ Eigen::MatrixXd LowerRoot(const Eigen::MatrixXd& covariance) {
                                    std::numeric_limits<double>::quiet_NaN());
 }
 
-/// At most kMostObservations of each kind, evenly taken.
+/// At most kMostObservations of each kind, evenly spaced.
 FrameObservations Sample(const FrameObservations& observed) {
   FrameObservations sample;
   sample.noise = observed.noise;
@@ -102,7 +103,7 @@ FrameObservations Sample(const FrameObservations& observed) {
 
 /// Residuals of one kind of observation, linear in the parameters.
 struct Linearised {
-  Eigen::VectorXd residuals;  // m, without what the parameters beside the pose took away
+  Eigen::VectorXd residuals;  // m, before the parameters beside the pose reduced them
   Eigen::MatrixXd by_pose;    // derivatives in the pose's tangent space
   Eigen::MatrixXd shared;     // derivatives by the rest, each times its prior sigma
   Eigen::VectorXd seam;       // derivatives by the multipath error, which is none of `shared`
@@ -130,7 +131,8 @@ Linearised Linearise(const BuildModel& model, const FrameObservations& observed,
   return linear;
 }
 
-/// Size and correlation length of the smooth depth error, then the size of that in corners.
+/// Fits the size and correlation length of the smooth depth error, then the size of that in
+/// corners.
 DepthErrorModel FitErrors(const BuildModel& model, const Pose& pose,
                           const FrameObservations& sample, const Linearised& faces,
                           const DepthErrorModel& usual) {
@@ -156,7 +158,7 @@ DepthErrorModel FitErrors(const BuildModel& model, const Pose& pose,
   return fitted;
 }
 
-/// Scale of the silhouettes' errors.
+/// Fits the scale of the silhouettes' errors.
 void FitEdgeNoise(const FrameObservations& sample, const Linearised& edges, NoiseModel* noise) {
   const Eigen::MatrixXd rest = edges.shared * edges.shared.transpose();
   const EdgeCovariance covariance(sample);

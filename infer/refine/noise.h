@@ -11,18 +11,18 @@
 
 namespace volalign::refine_internal {
 
-/// What is expected of a kind of sensor (a name of the intrinsics pool, see SensorFrame::sensor)
-/// before its residuals are fitted, and stands where they are too few to tell.
+/// The expected noise of a kind of sensor (a name of the intrinsics pool, see SensorFrame::sensor).
+/// It serves before residuals are fitted, and where they are too few.
 NoiseModel UsualNoise(const std::string& sensor);
 
 /// Fills the Cholesky factors from observed.noise, with NaN where the covariance has none. `pose`:
-/// where the observations are seen from.
+/// the sensor's pose.
 void SetCovariance(const BuildModel& model, const Pose& pose, FrameObservations* observed);
 
-/// The noise model under which the residuals are most probable, the pose being unknown (restricted
-/// maximum likelihood: Patterson and Thompson, "Recovery of inter-block information when block
-/// sizes are unequal", Biometrika 1971) and the rest as its prior has it. `usual`: of the kind, the
-/// prior's middle. Too few observations leave it as it is. Fills the factors too.
+/// Fits the noise model under which the residuals are most probable, by restricted maximum
+/// likelihood (see RestrictedCost). The pose is unknown; all else is as its prior has it. `usual`:
+/// the middle of the noise's prior, by the sensor's kind. Too few observations leave the model as
+/// it is. Fills the factors too.
 void FitNoise(const BuildModel& model, const DepthErrorModel& usual,
               const FrameParameters& parameters, const Priors& priors, FrameObservations* observed);
 

@@ -8,7 +8,7 @@ namespace volalign::refine_internal {
 struct NoiseModel {
   DepthErrorModel depth = ErrorsOf("");  ///< its smooth part and its corners are fitted
   double edge = 1;                       ///< scale of the silhouettes' standard deviations
-  double line = 0;  ///< m, of an edge's place where nothing tells where its box stands
+  double line = 0;                       ///< m, of an edge's place if the boxes are fixed
 };
 
 }  // namespace volalign::refine_internal

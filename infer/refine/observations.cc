@@ -16,19 +16,20 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr std::size_t kFewest = 3;  // points of an observation on a face
-/// Errors of neighbouring pixels are alike over a pixel or two: a mean of n is worth n / 2.
+/// Errors of neighbouring pixels are alike over a pixel or two: a mean of n has the variance of n /
+/// 2.
 constexpr double kPixelsPerError = 2;
 
 // The robust fit. Errors that neighbours share are no outliers, though they reach 2.5 robust
-// spreads: with that for the limit, smooth errors of rendered D415s came to 77 % of what they are,
-// and their positions to 12.2 mm in the median, not 11.8.
+// spreads. With that limit, smooth errors of rendered D415s were estimated at 77 % of their size,
+// and their positions were 12.2 mm off in the median, not 11.8.
 constexpr int kRobustIterations = 8;
 constexpr double kRobustPose = 1;  // m and rad, prior of the pose
 constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 3.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
-/// Leaves out points that may have been measured aside, where the others are enough.
+/// Leaves out points whose depth may have been measured aside, if the others are enough.
 void LeaveOutAside(std::vector<const SidePoint*>* points) {
   const auto aside = std::stable_partition(
       points->begin(), points->end(), [](const SidePoint* point) { return point->aside_rad == 0; });
@@ -56,7 +57,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   double squares = 0, weights = 0;
   for (std::size_t k = 0; k < points.size(); ++k) {
     if (std::abs(distances[k] - middle) > kClearly * spread) continue;
-    // A pixel that several frames disagree about says less than the others.
+    // A pixel on which several frames disagree has less weight.
     const double weight = 1 / (1 + Square(points[k]->sigma / kDepthStep));
     face.p += weight * points[k]->p;
     face.aside_rad += weight * points[k]->aside_rad;
@@ -79,8 +80,8 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   return face;
 }
 
-/// Silhouette points of one image block along one edge. What a sensor leaves empty along an edge
-/// before nothing is much the same along all of it, so that many points say no more than one.
+/// Silhouette points of one image block along one edge. Gaps before an empty background have nearly
+/// the same width along an edge, so many points count as one.
 EdgeObservation EdgeOf(int label, int edge_index, int axis,
                        const std::vector<const EdgePoint*>& points) {
   EdgeObservation edge;
@@ -108,7 +109,7 @@ double Spread(const Eigen::VectorXd& sizes, std::size_t first, std::size_t count
          Quantile(std::vector<double>(sizes.data() + first, sizes.data() + first + count), 0.5);
 }
 
-/// What one unit of each residual is worth: 1 m of a face, 1 px of a silhouette.
+/// Size of one unit of each residual: 1 m of a face, 1 px of a silhouette.
 Eigen::VectorXd Units(const FrameObservations& observed) {
   Eigen::VectorXd units = Eigen::VectorXd::Ones(
       static_cast<Eigen::Index>(observed.faces.size() + observed.edges.size()));

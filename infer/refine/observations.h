@@ -1,7 +1,6 @@
 #pragma once
 
-// From points to observations: what a sensor's points say together, and how far it can be trusted.
-// Not for callers of Refine.
+// From points to observations. Not for callers of Refine.
 
 #include <vector>
 
@@ -13,15 +12,15 @@
 
 namespace volalign::refine_internal {
 
-/// Gathers a frame's points that lie on the structure into one observation for each image block and
-/// side (or edge). `nominal`: the structure as described, `state` has it as built. Replaces
-/// observed->faces and ->edges, leaves its noise model.
+/// Gathers a frame's points on the structure into one observation per image block and side (or
+/// edge). `nominal`: the structure as described; `state` has it as built. Replaces observed->faces
+/// and ->edges and keeps its noise model.
 void GatherObservations(const Structure& nominal, const State& state, std::size_t frame,
                         const SensorPoints& points, const Gates& gates,
                         FrameObservations* observed);
 
-/// Widens the variances of observations that lie much farther off than the sensor's others, after a
-/// robust fit of this sensor alone.
+/// Widens the variances of observations that lie much farther off than the sensor's others. A
+/// robust fit of this sensor alone shows them.
 void WidenOutliers(const BuildModel& model, const FrameParameters& parameters, const Priors& priors,
                    FrameObservations* observed);
 

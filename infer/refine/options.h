@@ -10,51 +10,49 @@
 
 namespace volalign {
 
-/// What may be estimated beside the poses (`refine.estimate`).
+/// The parameters that may be estimated beside the poses (`refine.estimate`).
 struct EstimateSet {
   bool boxes = false, size = false, depth_gain = false, depth_offset = false, lens = false;
-  /// False leaves priors as wide as the options have them and sets no frame aside, for callers that
-  /// want a pose and its covariance alone.
+  /// False: priors stay as wide as in the options, and no frame is excluded. For callers that want
+  /// a pose and its covariance alone.
   bool scale_priors = true;
 };
-/// "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, lens, separated by
-/// commas.
-/// Throws ConfigError for anything else.
+/// Reads "auto" (all), "none", or a list of boxes, size, depth_gain, depth_offset, lens, separated
+/// by commas. Throws ConfigError for anything else.
 EstimateSet ParseEstimate(const std::string& text);
 
-/// What is known before anything is measured: standard deviations of priors.
+/// Standard deviations of the priors.
 struct PriorOptions {
   double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
-  /// How far a side bulges in its middle. Sides of real stacks of cardboard boxes stray by 2 to 4
-  /// mm from a plane, part of which is the sensor's.
+  /// How far a side bulges in its middle. Sides of real cardboard boxes deviate by 2 to 4 mm from a
+  /// plane, part of which is the sensor's error.
   double bulge_sigma_m = 0.002;
   double depth_gain_sigma_percent = -1;
   double depth_offset_sigma_m = 0.007;
-  double edge_shift_sigma_px = 0.7;  ///< by which a sensor widens silhouettes
+  double edge_shift_sigma_px = 0.7;  ///< by how much a sensor widens silhouettes
   double sensor_moved_sigma_m = 2e-4;
   double sensor_moved_sigma_deg = 0.005;
-  double depth_drift_sigma_m = 0.002;  ///< of a depth offset from one still to another (warmth)
+  double depth_drift_sigma_m = 0.002;  ///< of a depth offset between captures (warmth)
 };
 
-/// How a refinement goes about it: its rounds and their limits.
+/// The rounds of a refinement, and their limits.
 struct RefineSchedule {
   int inner_iterations = 12;   ///< most steps of a Ceres solution
   int associations = kRounds;  ///< of points with surfaces, each followed by a Ceres solution
   int max_overlap_points = 4000;
-  /// Least share of a sensor's points that another one sees, for their overlap to count and the two
-  /// to be a pair.
+  /// Two sensors are a pair if at least this share of their points is seen by the other one.
   double min_overlap = kNotable;
   int threads = 2;  ///< of Ceres
 };
 
-/// The config's keys, and what of a capture is refined in which way.
+/// The keys of the configuration, with the limits on points.
 struct RefineOptions : PriorOptions, RefineSchedule {
   std::string estimate = "auto";
   bool lens_per_sensor = false;
   int max_side_points = 3750;  ///< most labelled points of a sensor
-  /// Most silhouette points of a sensor, and as many again of those with no depth behind.
+  /// Most silhouette points of a sensor, and as many again that have no depth behind them.
   int max_edge_points = 600;
 
   template <class Archive>
@@ -104,18 +102,18 @@ struct RefineOptions : PriorOptions, RefineSchedule {
 
 struct RefineResult;
 
-/// A refinement: what is free, what is known of it, and in which steps it is sought.
+/// A refinement: what is free, the priors, and the schedule.
 struct RefineSetup {
   RefineSetup() : RefineSetup(RefineOptions()) {}
-  /// As the config has it. Throws ConfigError for a bad `estimate`.
+  /// Takes the configuration. Throws ConfigError for a bad `estimate`.
   RefineSetup(const RefineOptions& options)  // NOLINT(google-explicit-constructor)
       : free(ParseEstimate(options.estimate)), prior(options), schedule(options) {}
 
   EstimateSet free;
   PriorOptions prior;
   RefineSchedule schedule;
-  /// Asked of a result without covariances, sigmas and pairs, for a caller that goes on from some
-  /// poses and needs none: are they wanted? Nothing: they are.
+  /// Are covariances, sigmas and pairs wanted for this result, which has none yet? Empty: they are.
+  /// For callers that go on from some poses and need none.
   std::function<bool(const RefineResult&)> is_final;
 };
 

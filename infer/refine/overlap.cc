@@ -39,9 +39,9 @@ std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoi
     (inside ? near : far).push_back(j);
   }
   std::vector<int> chosen;
-  // Each point has its place in the order, whichever others are near: a pose that differs a little
-  // gives few other points. Multiples of the golden ratio are even over any part of the cloud
-  // (Weyl's sequence).
+  // Each point has its own place in the order. So a pose that differs a little gives only a few
+  // other points. Multiples of the golden ratio are even over any part of the cloud (Weyl's
+  // sequence).
   const auto take = [&](std::vector<int> from, std::size_t count) {
     const auto place = [](int j) { return static_cast<std::uint32_t>(j) * 0x9E3779B9U; };
     const auto is_before = [&](int a, int b) { return place(a) < place(b); };

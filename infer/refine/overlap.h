@@ -1,6 +1,6 @@
 #pragma once
 
-// What two sensors see of the same surfaces. Not for callers of Refine.
+// The surfaces that two sensors both see. Not for callers of Refine.
 
 #include <vector>
 
@@ -11,12 +11,12 @@
 
 namespace volalign::refine_internal {
 
-/// m: nearer to the structure than this, overlap says what the structure's own terms say already.
+/// m: nearer to the structure, overlap repeats what the structure's own terms say.
 inline constexpr double kOffStructure = 2 * kRoughPose;
 
-/// At most `most` cloud points of a sensor at `structure_from_sensor` to be matched with the other
-/// sensors': half of them from around the structure, the rest from farther away. Unless `all`,
-/// those of them that are nearer to the structure than kOffStructure are left out then.
+/// At most `most` cloud points of a sensor at `structure_from_sensor`, to be matched with those of
+/// other sensors. Half of them are near the structure, the rest farther away. Unless `all`, points
+/// nearer to the structure than kOffStructure are then left out.
 std::vector<int> ChooseOverlapPoints(const Structure& structure, const SensorPoints& points,
                                      const Pose& structure_from_sensor, int most, bool all);
 
@@ -37,20 +37,20 @@ struct Match {
   double residual;  ///< m, signed distance of `from` to the plane at `to`
 };
 
-/// Fewest matches from which two sensors' overlap, or its spread, can be told.
+/// Fewest matches from which two sensors' overlap, or its spread, can be estimated.
 inline constexpr std::size_t kFewestMatches = 20;
 
-/// Which of a's chosen points b sees: the nearest cloud point of b's lies within `gate`, m, and
-/// faces the same way.
+/// Which of a's chosen points b sees: b's nearest cloud point lies within `gate`, m, and faces the
+/// same way.
 std::vector<Match> FindMatches(const OverlapEnd& a, const OverlapEnd& b, double gate,
                                double min_cosine);
 
-/// What two sensors see of each other.
+/// The points of two sensors that the other one sees.
 struct SharedPoints {
   std::vector<Match> of_a, of_b;  ///< a's chosen points that b sees, and b's that a sees
-  double overlap = 0;             ///< share of the chosen points, of both, that the other one sees
+  double overlap = 0;             ///< share of the chosen points of both
 
-  /// Is it enough for the two to be a pair: at least `min_overlap`, and kFewestMatches?
+  /// Are the two a pair: at least `min_overlap`, and kFewestMatches?
   bool IsPair(double min_overlap) const {
     return of_a.size() + of_b.size() >= kFewestMatches && overlap >= min_overlap;
   }

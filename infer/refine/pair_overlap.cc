@@ -16,8 +16,8 @@ namespace volalign::refine_internal {
 namespace {
 
 constexpr double kOverlapGate = 2 * kRoughPose;  // m, of matched points
-/// Share of its distance from the optical axis by which a point is off for errors of the
-/// intrinsics, which the structure, in the middle of the frame, hardly shows.
+/// Error of a point from errors of the intrinsics, as a share of its distance from the optical
+/// axis. The structure, in the middle of the frame, hardly shows them.
 constexpr double kIntrinsicsError = 0.002;
 
 /// Standard deviation, m, of a cloud point's depth.
@@ -26,8 +26,8 @@ double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
                     kIntrinsicsError * p.head<2>().norm());
 }
 
-/// One frame's part in a pair, and what its errors are in the points that matched: the sum of
-/// their variances, m^2, and the cells of one correlation length that they lie in.
+/// One frame's part in a pair. Its errors at the matched points: the sum of their variances, m^2.
+/// The cells of one correlation length that contain these points.
 struct PairEnd {
   OverlapEnd view;
   const NoiseModel& noise;
@@ -79,8 +79,8 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   take(&end_a, &end_b, shared.of_a, &pair.of_a);
   take(&end_b, &end_a, shared.of_b, &pair.of_b);
   if (sizes.empty()) return pair;
-  // As many independent residuals have a mean as uncertain as that of these, each sensor's errors
-  // being independent from cell to cell.
+  // The number of independent residuals whose mean is as uncertain as that of these. Each sensor's
+  // errors are independent from cell to cell.
   const auto of_mean = [](const PairEnd& end) {
     return end.variance / static_cast<double>(end.cells.size());
   };
@@ -89,9 +89,9 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   return pair;
 }
 
-/// n frames that see one place have n errors there, but n (n - 1) / 2 pairs: the squares of all
-/// differences, each over the variance of a difference, are n / 2 times those of the n errors from
-/// their mean, each over its own variance.
+/// n frames that see one place have n errors there, but n (n - 1) / 2 pairs. The pairs'
+/// differences, squared and divided by their variances, sum to n / 2 times the same sum of the n
+/// errors from their mean.
 void CountOnce(std::vector<PairOverlap>* pairs) {
   using PointOfFrame = std::pair<std::size_t, const CloudPoint*>;
   std::map<PointOfFrame, int> others;  // that see it

@@ -82,8 +82,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   free.gain = asked.depth_gain && priors.gain != 0.0;
   free.offset = asked.depth_offset && priors.offset > 0;
   for (const SensorLens& lens : lenses) {
-    // What a single view of the boxes seems to say about a lens is as well said by their size and
-    // place and by the sensor's depth errors.
+    // The boxes' size and place and the sensor's depth errors explain a single view as well as a
+    // lens does.
     const bool told = frames > 1 || lens.evidence.information.trace() > 0;
     free.lens.push_back(asked.lens && told && lens.prior_sigmas.maxCoeff() > 0);
   }
@@ -130,7 +130,7 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
         SharedPriorSigmas(own, errors[i], {})
             .segment<kSensorErrors>(FrameColumns::kErrors - FrameColumns::kOffset);
   }
-  // As many priors as a sensor has frames, all but equal, are to say no more than one.
+  // The offsets of n frames are nearly equal: their n priors together count as one.
   for (std::size_t i = 0; i < frames(); ++i)
     sigmas[Offset(i)] = priors.offset * std::sqrt(counts[SensorOf(i)]);
   for (std::size_t lens = 0; lens < lenses_; ++lens)

@@ -1,7 +1,7 @@
 #pragma once
 
-// All parameters of the joint refinement: their values, their order, their priors, and which of
-// them are free. Everything that has to know that order asks here. Not for callers of Refine.
+// All parameters of the joint refinement: their values, order and priors, and which are free. No
+// other file knows the order. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -21,10 +21,10 @@
 
 namespace volalign::refine_internal {
 
-/// A sensor's own errors, one coefficient each: those of FrameError, then multipath in concave
-/// corners in m, depth gain - 1, the logarithm of its own factor on the focal length of its lens,
-/// and the outward shift in px of silhouettes along image rows and along columns (a stereo matcher
-/// widens them along its baseline).
+/// A sensor's own errors, one coefficient each. First those of FrameError, then multipath in
+/// concave corners in m, and depth gain - 1. Then the logarithm of the sensor's own factor on the
+/// focal length of its lens. Last, the outward shift in px of silhouettes along image rows and
+/// along columns. A stereo matcher widens silhouettes along its baseline.
 enum SensorError {
   kMultipath = kFrameErrors,
   kGain,
@@ -34,17 +34,18 @@ enum SensorError {
 };
 using SensorErrorVector = Eigen::Matrix<double, kSensorErrors, 1>;
 
-/// Of the pose priors, which bound directions that nothing constrains: m and rad.
+/// Sigma of the pose priors, m and rad. They bound directions that nothing constrains.
 inline constexpr double kPoseSigma = 1;
 
-/// What a frame is of: indices of its sensor, its still and its lens. The frames of one sensor are
-/// of different stills.
+/// The sensor, the capture and the lens of a frame, as indices. The frames of one sensor are of
+/// different captures.
 struct FrameOf {
   int sensor = 0, still = 0, lens = 0;
 };
 
-/// One frame's parameter blocks: pose in the structure of its still (7), depth offset in m (1), its
-/// sensor's errors (SensorError), its lens (LensChange), and the build of its still.
+/// One frame's parameter blocks. `pose`: in the structure of its capture (7). `offset`: of its
+/// depths, m (1). `errors`: its sensor's (SensorError). `lens`: a LensChange. `build`: of its
+/// capture.
 struct FrameParameters {
   const double* pose;
   const double* offset;
@@ -53,54 +54,54 @@ struct FrameParameters {
   BuildParameters build;
 };
 
-/// Columns of the derivatives of one frame's residuals by its blocks, one after the other. The
-/// pose has 7 columns as a block and 6 in its tangent space.
+/// Columns of the derivatives of one frame's residuals with respect to its blocks. The pose has 7
+/// columns as a block and 6 in its tangent space.
 struct FrameColumns {
   static constexpr Eigen::Index kPose = 0,
                                 kOffset = Eigen::Index{sizeof(PoseBlock) / sizeof(double)},
                                 kErrors = kOffset + 1, kLens = kErrors + kSensorErrors,
                                 kSize = kLens + kLensParameters, kBoxes = kSize + 1;
-  /// Columns of a matrix over blocks, with those of the pose replaced by its tangent space's.
+  /// Replaces the pose's columns of a matrix over blocks by those of its tangent space.
   static Eigen::MatrixXd InTangentSpace(const Eigen::MatrixXd& over_blocks, const double* pose);
 };
 
 /// Prior standard deviations of everything but the poses and the multipath error.
 struct Priors {
   double offset = 0;  ///< m
-  /// 1; of every sensor, where it is given, instead of its kind's DepthErrorModel::unit_gain.
+  /// If given, every sensor has it instead of its kind's DepthErrorModel::unit_gain.
   std::optional<double> gain;
   double edge_shift = 0;    ///< px
   double size = 0;          ///< 1
   double box = 0, yaw = 0;  ///< m, rad
   double bulge = 0;         ///< m
-  /// Of the LensChange of the sensor that they are for; zero: the lens is known.
+  /// The LensChange of one sensor; zero: the lens is known.
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
   double focal = 0;  ///< see SensorLens::own_focal_sigma
 };
 Priors PriorsOf(const PriorOptions& options);
 
-/// A standard deviation of zero stands for "known"; this is the least with which one can divide.
+/// A standard deviation of zero means "known". This is the least one to divide by.
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }
 
 inline double Square(double x) { return x * x; }
 
-/// Prior standard deviations of what moves one frame's residuals beside its pose, in the order of
-/// FrameColumns: offset, errors of the sensor, lens, size, boxes, bulges. `errors`: the frame's
+/// Prior standard deviations of all that moves one frame's residuals beside its pose, in the order
+/// of FrameColumns: offset, errors of the sensor, lens, size, boxes, bulges. `errors`: the frame's
 /// noise model.
 Eigen::VectorXd SharedPriorSigmas(const Priors& priors, const DepthErrorModel& errors,
                                   const BuildSize& build);
 
-/// The values of the same parameters. That of the lens is zero: its prior is about where it is.
+/// The values of the same parameters. The lens has zero, as its prior is about its current value.
 Eigen::VectorXd SharedValues(const FrameParameters& parameters, const BuildSize& build);
 
-/// A measured point where it really is, sensor frame, m. True depth = measured * (1 + gain_error) +
+/// The true place of a measured point, sensor frame, m. True depth = measured * (1 + gain_error) +
 /// offset along the same ray.
 inline Eigen::Vector3d Corrected(const Eigen::Vector3d& measured, double gain_error,
                                  double offset) {
   return measured * (1 + gain_error + offset / measured.z());
 }
 
-/// How a sensor stands and how it measures depth.
+/// A sensor's pose and depth errors.
 struct FrameState {
   Pose structure_from_sensor;
   double gain_error = 0, offset = 0;  ///< see Corrected
@@ -108,7 +109,7 @@ struct FrameState {
   Eigen::Vector3d Corrected(const Eigen::Vector3d& measured) const {
     return refine_internal::Corrected(measured, gain_error, offset);
   }
-  /// Where a point would have been measured.
+  /// The point that the sensor would have measured for a true one.
   Eigen::Vector3d AsMeasured(const Eigen::Vector3d& point) const {
     return point * ((1 - offset / point.z()) / (1 + gain_error));
   }
@@ -117,35 +118,34 @@ struct FrameState {
   }
 };
 
-/// Values of all parameters. A frame's sensor is short for the sensor that it is of.
+/// Values of all parameters.
 struct State {
   std::vector<FrameOf> frame_of;
-  std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its still
-  std::vector<PoseBlock> placements;  ///< of each still, first_from_placement; the first: identity
-  std::vector<double> offsets;        ///< of each frame: what a sensor is off by may drift
+  std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its capture
+  std::vector<PoseBlock> placements;  ///< of each capture: first_from_placement, the first identity
+  std::vector<double> offsets;        ///< of each frame, since a sensor's offset may drift
   std::vector<SensorErrorVector> errors;    ///< of each sensor
   std::vector<LensChange> lenses;           ///< from the assumed intrinsics
   double size = 0;                          ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;   ///< of each still, see BuildModel
-  std::vector<std::vector<double>> bulges;  ///< of each still, see BuildModel
-  PriorScales scales = kWholePriors;        ///< of the priors; they are estimated as well
-  /// Of each still, the structure as the build had it when it was last solved for: what points are
-  /// matched with.
+  std::vector<std::vector<double>> boxes;   ///< of each capture, see BuildModel
+  std::vector<std::vector<double>> bulges;  ///< of each capture, see BuildModel
+  PriorScales scales = kWholePriors;        ///< of the priors, estimated
+  /// Each capture's structure as built, at the last solution. Points are matched with it.
   std::vector<Structure> built;
-  bool converged = true;  ///< the solution that led here ended by its tolerances
+  bool converged = true;  ///< the last solution ended by its tolerances
 
   std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
   std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].still); }
   std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
 
-  // Of a frame.
+  // The following take the index of a frame.
   const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   const SensorErrorVector& Errors(std::size_t i) const { return errors[SensorOf(i)]; }
   SensorErrorVector& Errors(std::size_t i) { return errors[SensorOf(i)]; }
   FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
-  /// The sensor's depth errors, seen from another pose.
+  /// The sensor's depth errors, at another pose.
   FrameState Frame(std::size_t i, const Pose& pose) const {
     return {pose, Errors(i)[kGain], offsets[i]};
   }
@@ -155,24 +155,24 @@ struct State {
   FrameParameters Parameters(std::size_t i) const {
     return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(), Build(StillOf(i))};
   }
-  /// Makes `built` what the parameters say.
+  /// Updates `built` from the parameters.
   void UpdateBuilt(const BuildModel& model);
 };
-/// Everything nominal, the frames at `poses`, the stills at `placements`. Lenses begin at
+/// All parameters nominal, the frames at `poses`, the captures at `placements`. Lenses begin at
 /// SensorLens::change.
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
                    const std::vector<SensorLens>& lenses, std::vector<FrameOf> frame_of,
                    const std::vector<Pose>& placements);
 
-/// What the options ask for, where the prior leaves it open at all. Of the lens of a single frame,
-/// only where large planes tell about it.
+/// The parameters that the options ask for and the prior leaves open. The lens of a single frame is
+/// free only if large planes determine it.
 FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t frames,
                  const std::vector<SensorLens>& lenses = {SensorLens()});
 
-/// Order of all parameters in tangent spaces, as columns of a Jacobian, rows of a covariance: the
-/// frames' poses (6 each), the placements of all stills but the first (6 each), the frames' depth
-/// offsets, the sensors' errors (kSensorErrors each), the lenses (kLensParameters each), the size,
-/// the boxes of each still, the bulges of each still.
+/// Order of all parameters in tangent spaces: columns of a Jacobian, rows of a covariance. First
+/// the frames' poses (6 each) and the placements of all captures but the first (6 each). Then the
+/// frames' depth offsets, the sensors' errors (kSensorErrors each) and the lenses (kLensParameters
+/// each). Last the size, the boxes of each capture, and the bulges of each capture.
 class ParameterLayout {
  public:
   ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
@@ -181,12 +181,12 @@ class ParameterLayout {
   std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
   std::size_t stills() const { return stills_; }
-  std::size_t boxes() const { return static_cast<std::size_t>(build_.boxes); }  ///< of one still
+  std::size_t boxes() const { return static_cast<std::size_t>(build_.boxes); }  ///< of one capture
   std::size_t lenses() const { return lenses_; }
   Eigen::Index size() const { return Bulges(stills_); }
 
   Eigen::Index Pose(std::size_t frame) const { return static_cast<Eigen::Index>(6 * frame); }
-  /// Of a still, not the first.
+  /// `still`: not the first.
   Eigen::Index Placement(std::size_t still) const {
     return static_cast<Eigen::Index>(6 * (frames() + still - 1));
   }
@@ -196,20 +196,20 @@ class ParameterLayout {
   Eigen::Index ErrorsOfSensor(std::size_t sensor) const {
     return Offset(frames()) + static_cast<Eigen::Index>(kSensorErrors * sensor);
   }
-  /// Of a frame's sensor.
+  /// An error of the frame's sensor.
   Eigen::Index Error(std::size_t frame, SensorError which) const {
     return ErrorsOfSensor(SensorOf(frame)) + which;
   }
   Eigen::Index Lens(std::size_t lens) const {
     return ErrorsOfSensor(sensors_) + static_cast<Eigen::Index>(kLensParameters * lens);
   }
-  /// Of all boxes.
+  /// The size that all boxes share.
   Eigen::Index Size() const { return Lens(lenses_); }
-  /// The three of each box (x, z, yaw) in a still, box by box from here.
+  /// The first of x, z and yaw of each box in a capture, box by box.
   Eigen::Index Boxes(std::size_t still = 0) const {
     return Size() + 1 + static_cast<Eigen::Index>(3 * boxes() * still);
   }
-  /// The bulges of all sides in a still.
+  /// The bulges of all sides in a capture.
   Eigen::Index Bulges(std::size_t still) const {
     return Boxes(stills_) +
            static_cast<Eigen::Index>(build_.sides) * static_cast<Eigen::Index>(still);
@@ -220,23 +220,22 @@ class ParameterLayout {
     double* values;
     Eigen::Index column;
     int size;          ///< of the block
-    int tangent_size;  ///< as many columns
+    int tangent_size;  ///< its number of columns
   };
   /// The blocks of a state in the order of their columns. They point into it.
   std::vector<Block> Blocks(State* state) const;
 
-  /// Standard deviation of every parameter's prior; of a pose, 1 m and 1 rad (see PosePriorCost).
-  /// `errors`: of each frame. Offsets of n frames of one sensor have a prior that is wider by
-  /// the root of n: they are tied, see DriftCost.
+  /// Standard deviation of every parameter's prior. Poses have 1 m and 1 rad (see PosePriorCost).
+  /// `errors`: of each frame. Offsets of n frames of one sensor have a prior that is wider by the
+  /// root of n: DriftCost ties them.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<DepthErrorModel>& errors,
                               const std::vector<SensorLens>& lenses = {SensorLens()}) const;
 
-  /// The columns of what moves a frame's residuals, in the order of FrameColumns, but with 6 of the
-  /// pose.
+  /// The columns that move a frame's residuals, in the order of FrameColumns, with 6 of the pose.
   std::vector<Eigen::Index> ColumnsOf(std::size_t frame) const;
 
-  /// Is a column one that is never held while its frame is not: of a pose, a placement, an error of
-  /// a sensor but its gain and focal length, or a bulge?
+  /// Is a column free whenever its frame is? So are poses, placements, bulges and a sensor's
+  /// errors, except its gain and focal length.
   bool IsAlwaysFree(Eigen::Index column) const;
 
   /// The group of a column; kPriorGroups where its prior is never narrowed.
@@ -246,8 +245,8 @@ class ParameterLayout {
   /// How far every parameter is from its prior's mean; 0 of poses.
   Eigen::VectorXd Values(const State& state) const;
 
-  /// Which columns are held constant where only `free` is estimated, and where the frames marked in
-  /// `held` stand where they are, with their offsets and all of a sensor that has no others.
+  /// Which columns are constant. `free`: what is estimated. Fixed frames keep their pose and
+  /// offset. A sensor keeps its errors if all its frames are fixed.
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
  private:

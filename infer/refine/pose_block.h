@@ -1,7 +1,7 @@
 #pragma once
 
-// A pose as a block of Ceres parameters. No header of Ceres here, since callers of Refine, which
-// may use LibTorch, see this one.
+// A pose as a block of Ceres parameters. Callers of Refine, which may use LibTorch, include this
+// file, so it includes no header of Ceres.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -31,7 +31,7 @@ struct PoseBlock {
   }
 };
 
-/// d (R(q) p) / d (x y z w), 3x4, for R(q) p = p + 2 w (u x p) + 2 u x (u x p), q = (u, w).
+/// d (R(q) p) / d (x y z w), 3x4. R(q) p = p + 2 w (u x p) + 2 u x (u x p), where q = (u, w).
 inline Eigen::Matrix<double, 3, 4> RotatedPointJacobian(const double* q, const Eigen::Vector3d& p) {
   const Eigen::Vector3d u(q[0], q[1], q[2]);
   Eigen::Matrix<double, 3, 4> jacobian;

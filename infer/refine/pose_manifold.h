@@ -8,8 +8,8 @@
 
 namespace volalign::refine_internal {
 
-/// T = Exp(delta) T^ with delta = [translation; rotation vector] in the structure frame, m and rad:
-/// the tangent space in which covariances are given.
+/// The tangent space in which covariances are given: T = Exp(delta) T^ with delta = [translation;
+/// rotation vector] in the structure frame, m and rad.
 class LeftPoseManifold : public ceres::Manifold {
  public:
   int AmbientSize() const override { return 7; }

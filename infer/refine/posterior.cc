@@ -39,9 +39,8 @@ Eigen::MatrixXd Information(const ceres::CRSMatrix& jacobian) {
   return information;
 }
 
-/// Inverse of J^T J by Cholesky or, failing that, by its eigenvalues in units of the priors, none
-/// of which is below 1 where the priors are part of it: one that is tells nothing, and the prior
-/// stands.
+/// Inverse of J^T J by Cholesky. If that fails: by its eigenvalues in units of the priors, each at
+/// least 1. With priors none is smaller, except by rounding: there the prior counts.
 class Inverse {
  public:
   Inverse(const Eigen::MatrixXd& information, const Eigen::VectorXd& prior_sigmas) {
@@ -58,7 +57,7 @@ class Inverse {
     const Eigen::MatrixXd vectors = prior_sigmas.asDiagonal() * solver.eigenvectors();
     inverse_ = vectors * solver.eigenvalues().cwiseMax(1).cwiseInverse().asDiagonal() *
                vectors.transpose();
-    // Failing even that, the priors.
+    // If even that fails, the priors.
     if (!inverse_.allFinite()) inverse_ = prior_sigmas.cwiseAbs2().asDiagonal();
   }
   bool exact() const { return factor_.has_value(); }

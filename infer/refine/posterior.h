@@ -1,7 +1,6 @@
 #pragma once
 
-// How well the parameters are known. Columns are those of ParameterLayout. Not for callers of
-// Refine.
+// Uncertainty of the parameters. Columns are those of ParameterLayout. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -13,24 +12,24 @@
 
 namespace volalign::refine_internal {
 
-/// Of a least-squares cost, in tangent spaces.
+/// The normal equations of a least-squares cost, in tangent spaces.
 struct NormalEquations {
   Eigen::MatrixXd information;  ///< J^T J
   Eigen::VectorXd gradient;     ///< J^T r
   bool evaluated = true;        ///< false: they are those of the priors alone
 };
 
-/// Of the refinement's cost at a solution, with everything free. Where the cost cannot be
-/// evaluated, of the priors alone. Each of `changed`, a structure with the same sides, adds a
-/// column, last: by what share the real structure is that one rather than the described one. These
-/// have no priors.
+/// The normal equations of the refinement's cost at a solution, with everything free. They are
+/// those of the priors alone if the cost cannot be evaluated. Each of `changed`, a structure with
+/// the same sides, adds a column at the end. It is the share by which the real structure is that
+/// one instead of the described one, and has no prior.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution,
                                        const std::vector<Structure>& changed = {});
 
 struct Posterior {
   Eigen::MatrixXd covariance;
-  /// False: the normal equations had no inverse. The covariance is that of what they tell beyond
-  /// the priors, which stand in for the rest.
+  /// False: the normal equations had no inverse. The covariance then covers only what they
+  /// determine beyond the priors. The priors stand in for the rest.
   bool exact = true;
 
   double Sigma(Eigen::Index column) const {
@@ -38,9 +37,9 @@ struct Posterior {
   }
 };
 
-/// Covariance with everything free. Where something was not asked for (`constant`), widened by the
-/// square of the step that everything would take from here if it were free.
-/// `prior_sigmas`: of all parameters. The covariance is finite, whatever the normal equations are.
+/// Covariance with everything free. If something is `constant`, it is widened by the square of the
+/// step that all parameters would take from here if free. `prior_sigmas`: of all parameters. The
+/// covariance is finite for any normal equations.
 Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,
                            const Eigen::VectorXd& prior_sigmas);
 
@@ -48,12 +47,12 @@ Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char
 Posterior ConditionalPosterior(const NormalEquations& normal, const std::vector<char>& constant,
                                const Eigen::VectorXd& prior_sigmas);
 
-/// Projection of box displacements (x, z, yaw of each) along the gauge, in which all boxes move
-/// as one, to those that the prior finds likeliest. 3 x boxes square.
+/// Projects box displacements (x, z, yaw of each) along the gauge, in which all boxes move as one,
+/// to those that the prior finds likeliest. 3 x boxes square.
 Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors);
 
-/// Posterior standard deviations of the boxes' x, z (m) and yaw (rad) in one still, the gauge taken
-/// out.
+/// Posterior standard deviations of the boxes' x, z (m) and yaw (rad) in one capture, without the
+/// gauge.
 Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& layout,
                           std::size_t still, const Eigen::MatrixXd& gauge_projection);
 

@@ -14,7 +14,7 @@ namespace {
 constexpr double kLeastScale = 0.02;
 constexpr int kUpdates = 40;  // of expectation maximisation
 
-/// By how much the precision of a prior is more.
+/// The additional precision of the narrower prior.
 double ExtraPrecision(const QuadraticCost& cost, const Eigen::VectorXd& scales, Eigen::Index k) {
   return (1 / (scales[k] * scales[k]) - 1) / (cost.prior_sigmas[k] * cost.prior_sigmas[k]);
 }
@@ -42,7 +42,7 @@ std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorX
   ModelFit fit;
   fit.step = Eigen::VectorXd::Zero(scales.size());
   std::vector<Eigen::Index> open;
-  double priors = 0;  // what they cost more at the solution, and the logarithms of their sigmas
+  double priors = 0;  // their additional cost at the solution, and the logarithms of their sigmas
   for (Eigen::Index k = 0; k < scales.size(); ++k) {
     if (scales[k] > 0) {
       open.push_back(k);
@@ -160,7 +160,7 @@ Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution) {
   const std::optional<PriorScales> scales = EstimatePriorScales(cost, problem.layout, scaled.free);
   if (!scales) return solution;
   scaled.state.scales = *scales;
-  // A single view does not tell the boxes' places from its own.
+  // A single view does not separate the boxes' places from its own.
   if (problem.size() == 1) SetLineTolerance(problem, kHeldEdge, &scaled);
   return Solve(problem, &scaled) ? scaled : solution;
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// How far what is estimated beside the poses really strays from its nominal value: as far as its
-// prior says, or less. Not for callers of Refine.
+// How far the parameters beside the poses really deviate from their nominal values: as far as their
+// priors say, or less. Not for callers of Refine.
 
 #include <Eigen/Core>
 #include <optional>
@@ -22,49 +22,50 @@ struct QuadraticCost {
 };
 QuadraticCost CostAround(const JointProblem& problem, const Solution& solution);
 
-/// The same with the priors' standard deviations times `scales`, one per parameter; where that is
-/// 0, with its prior as it is.
+/// The same with the priors' standard deviations times `scales`, one per parameter. A scale of 0
+/// leaves the prior as it is.
 NormalEquations WithScaledPriors(const QuadraticCost& cost, const Eigen::VectorXd& scales);
 
-/// What follows where priors are narrower than the cost has them.
+/// The fit under narrower priors.
 struct ModelFit {
-  /// Natural logarithm of the probability of the measurements, all parameters being unknown, by
-  /// Laplace's approximation (MacKay, "Information Theory, Inference, and Learning Algorithms",
-  /// chapter 28); up to a constant that is the same for all scales.
+  /// Natural logarithm of the probability of the measurements with all parameters unknown, up to a
+  /// constant that is the same for all scales. By Laplace's approximation (MacKay, "Information
+  /// Theory, Inference, and Learning Algorithms", chapter 28).
   double log_evidence = 0;
   Eigen::VectorXd step;        ///< from the solution to the most probable values
-  Eigen::MatrixXd covariance;  ///< of all parameters; zero of those that are held
+  Eigen::MatrixXd covariance;  ///< of all parameters; zero of fixed ones
 };
-/// `scales`: factors on the priors' standard deviations, one per parameter; 0 holds it at its
-/// prior's mean. Without `with_covariance` there is none. Nothing where it cannot be computed.
+/// `scales`: factors on the priors' standard deviations, one per parameter. 0 fixes the parameter
+/// at its prior's mean. The covariance is computed only if `with_covariance`. Nothing if it cannot
+/// be computed.
 std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales,
                                  bool with_covariance);
 
-/// A cost of some of the parameters, all others being at their best: its fits are those of the cost
-/// of all parameters, and its evidence differs by the same constant for all scales.
+/// A cost of some of the parameters, all others at their best. Its fits are those of the cost of
+/// all parameters. Its evidence differs by the same constant for all scales.
 struct MarginalCost {
   QuadraticCost cost;
   std::vector<Eigen::Index> columns;  ///< of the parameters that are left
 };
-/// Without the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
-/// where it cannot be computed.
+/// Removes the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
+/// if it cannot be computed.
 std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
                                               const ParameterLayout& layout);
 
-/// The scales under which the measurements are most probable, where only `free` may stray, by
-/// expectation maximisation: the square of a scale is the mean, over its group, of the expected
-/// square of a parameter in units of its prior. At least 0.02 and at most 1. Nothing where they
-/// cannot be computed.
+/// The scales under which the measurements are most probable, by expectation maximisation. Only
+/// `free` may deviate. The square of a scale is the mean over its group of a parameter's expected
+/// square in units of its prior. At least 0.02 and at most 1. Nothing if they cannot be computed.
 std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
                                                const ParameterLayout& layout, const FreeSet& free);
 
-/// How far each group may stray: as if one parameter more of each had been seen to stray as far as
-/// its prior says. A scale is estimated from few parameters; covariances allow for that.
+/// Widens each group's scale, as if one more parameter of the group had deviated as far as its
+/// prior says. A scale is estimated from few parameters; covariances allow for that.
 PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
                           const PriorScales& scales);
 
-/// Estimates the scales and solves again under them. A lens whose change is not much more probable
-/// than none (kBelievedLens) is as assumed. The solution as it is where scales cannot be computed.
+/// Estimates the scales and solves again under them. A lens keeps its assumed value unless its
+/// change is much more probable (kBelievedLens). Returns the solution unchanged if scales cannot be
+/// computed.
 Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

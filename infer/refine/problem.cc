@@ -9,7 +9,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// With one more, that is known, where a sensor needs it.
+/// Adds a lens that is known, if a sensor needs it.
 std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
                                       const std::vector<FrameInput>& frames) {
   if (std::any_of(frames.begin(), frames.end(), [](const auto& f) { return f.lens < 0; }))
@@ -17,7 +17,8 @@ std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
   return lenses;
 }
 
-/// `known_lens`: index of the one that is known. Sensors are numbered as they first occur.
+/// `known_lens`: index of the known lens. Sensors are numbered in the order in which they first
+/// occur.
 std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames,
                                      std::size_t known_lens) {
   std::vector<FrameOf> frame_of;

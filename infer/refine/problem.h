@@ -16,30 +16,30 @@
 
 namespace volalign {
 
-/// A frame to refine: one sensor in one still. All poses are structure_from_sensor, in the
-/// structure where it stands in that still.
+/// A frame to refine: one sensor in one capture. All poses are structure_from_sensor, in the
+/// structure where it stands in that capture.
 struct FrameInput {
   std::shared_ptr<const SensorPoints> points;
   Pose start = Pose::Identity();  ///< where the solution begins
   /// Index into the lenses; -1: its lens is known.
   int lens = -1;
-  /// Index of the sensor among those of all stills; -1: one of its own.
+  /// Index of the sensor among those of all captures; -1: one of its own.
   int sensor = -1;
   int still = 0;  ///< index into the placements
-  /// What an earlier refinement has fitted to its errors (RefinedFrame::noise), to be kept;
-  /// nothing: they are fitted.
+  /// The noise that an earlier refinement fitted (RefinedFrame::noise), to be kept. Nothing: it is
+  /// fitted.
   std::optional<refine_internal::NoiseModel> noise = {};
-  /// Whether an earlier refinement has set it aside (RefinedFrame::refused_fit), to be kept;
-  /// nothing: it is asked whether it disagrees.
+  /// Whether an earlier refinement excluded the frame (RefinedFrame::refused_fit), to be kept.
+  /// Nothing: the refinement decides.
   std::optional<bool> aside = {};
 };
 
 namespace refine_internal {
 
-/// Standard deviations of a lens that a capture tells.
+/// Standard deviations of a lens that a capture determines.
 inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 
-/// What is given and stays as it is while the parameters are sought. Refers to its arguments.
+/// Everything that is given and constant while the parameters are sought. Refers to its arguments.
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<FrameInput>& frames,
                const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
@@ -49,16 +49,16 @@ struct JointProblem {
   const std::vector<FrameInput>& frames;
   RefineSetup setup;
   BuildModel model;
-  Priors priors;  ///< without a lens's
-  /// Those given, then one for all sensors whose lens is known, where there are any.
+  Priors priors;  ///< without those of a lens
+  /// The given ones, then one for all sensors whose lens is known, if there are any.
   std::vector<SensorLens> lenses;
-  std::vector<FrameOf> frame_of;  ///< what each of `frames` is of
+  std::vector<FrameOf> frame_of;  ///< of each of `frames`
   ParameterLayout layout;
   std::vector<std::vector<int>> overlap_points;  ///< of each frame, see ChooseOverlapPoints
 
   std::size_t size() const { return frames.size(); }
-  /// For what a sensor's points alone are to tell: with the standard deviations of its lens about
-  /// where all evidence together has it, which are not those of a lens of which nothing is known.
+  /// Priors for an estimate from one sensor's points alone. The lens has the standard deviations
+  /// that remain after all evidence, not those of an unknown lens.
   Priors PriorsOf(std::size_t i) const {
     Priors own = priors;
     const auto lens = static_cast<std::size_t>(frame_of[i].lens);
@@ -66,15 +66,14 @@ struct JointProblem {
     own.focal = lenses[lens].own_focal_sigma;
     return own;
   }
-  /// The kind of device that a frame is of, see SensorFrame::sensor; empty: not known.
+  /// A frame's kind of device, see SensorFrame::sensor; empty: unknown.
   const std::string& KindOf(std::size_t i) const {
     return lenses[static_cast<std::size_t>(frame_of[i].lens)].sensor;
   }
-  /// Does the overlap of two frames count? They have to be of one still, and no earlier one may
-  /// have both sensors: what stands about the structure would be measured again with the same
-  /// errors.
+  /// Does the overlap of two frames count? They have to be of one capture. No earlier capture may
+  /// have both sensors: it measured the surroundings already, with the same errors.
   bool OverlapCounts(std::size_t a, std::size_t b) const;
-  /// One frame's part in its overlap with others.
+  /// A frame as one end of an overlap.
   OverlapEnd Overlap(std::size_t i, const State& state) const {
     return {frames[i].points.get(), &overlap_points[i], state.Frame(i)};
   }

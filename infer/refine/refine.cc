@@ -23,7 +23,7 @@ namespace {
 
 using namespace refine_internal;  // NOLINT(google-build-using-namespace): its own parts
 
-/// Where everything begins.
+/// The solution before anything is measured.
 Solution Begin(const JointProblem& problem, const std::vector<Pose>& placements,
                const FreeSet& asked_for) {
   std::vector<Pose> starts;
@@ -41,8 +41,8 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
   }
 }
 
-/// Of everything, under the scales that the solution has found, widened by how little they are
-/// known.
+/// Posterior of all parameters under the solution's scales, widened by the uncertainty of the
+/// scales.
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   const QuadraticCost cost = CostAround(problem, solution);
@@ -52,8 +52,7 @@ Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                           scales.cwiseProduct(cost.prior_sigmas));
 }
 
-/// Have the boxes another size, does a frame contradict the others, or a quantity what was known of
-/// it?
+/// Do the boxes have another size, does a frame contradict the others, or a quantity its prior?
 bool IsBuildInDoubt(const RefineResult& result) {
   return std::abs(result.size_scale - 1) > kClearly * result.sigma_size_scale ||
          std::any_of(result.frames.begin(), result.frames.end(),

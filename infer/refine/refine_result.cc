@@ -18,7 +18,7 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// What there is to say of numbers that failed, or nothing.
+/// A sentence about numbers that failed, or nothing.
 std::string Problem(bool unsolved, bool exact_covariance) {
   if (unsolved)
     return "its refinement could not be solved: its measurements give numbers that are not finite";
@@ -27,7 +27,7 @@ std::string Problem(bool unsolved, bool exact_covariance) {
   return "";
 }
 
-/// Of first_from_placement * pose, pose being a frame's.
+/// Covariance of first_from_placement * pose of a frame.
 Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posterior,
                            const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
   const Matrix6d turned = Adjoint(placement);
@@ -111,13 +111,13 @@ void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std
   }
 }
 
-/// Columns of one frame's pose, depth offset and depth gain; and of two frames'.
+/// Columns of one frame's pose, depth offset and depth gain, and of two frames'.
 constexpr int kOfFrame = Vector6d::SizeAtCompileTime + 2, kOfPair = 2 * kOfFrame;
 using FrameJacobian = Eigen::Matrix<double, kOfFrame, 1>;
 using PairMatrix = Eigen::Matrix<double, kOfPair, kOfPair>;
 
-/// Of two frames. Errors of one that is not of the joint solution are independent of the other's,
-/// and its covariance has them all.
+/// Covariance of two frames. Errors of a frame outside of the joint solution are independent of the
+/// other's; its pose's covariance includes its depth errors.
 PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
                             const Posterior& posterior, const std::vector<RefinedFrame>& frames,
                             const std::array<std::size_t, 2>& pair) {
@@ -136,9 +136,9 @@ PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
   return both;
 }
 
-/// One of two frames, of which a point lies at `p`, by a plane with this normal (structure frame):
-/// the plane's distance by its pose, depth offset and depth gain; and by its depth's own error,
-/// m^2.
+/// A point of one of two frames at `p`, against a plane with this normal (structure frame).
+/// Derivatives of the plane's distance by the frame's pose, depth offset and depth gain; variance
+/// of its depth's own error, m^2.
 struct PointEnd {
   PointEnd(const OverlapEnd& end, const DepthErrorModel& errors, const Eigen::Vector3d& p,
            const Eigen::Vector3d& normal) {
@@ -151,8 +151,7 @@ struct PointEnd {
   double variance;
 };
 
-/// RefinedPair::predicted_rms, squared, times the number of matches: those of the points of one
-/// end.
+/// Sum of RefinedPair::predicted_rms, squared, over the matches of one end's points.
 double PredictedSquares(const std::array<OverlapEnd, 2>& ends,
                         const std::array<const DepthErrorModel*, 2>& errors,
                         const PairMatrix& covariance, std::size_t from,
@@ -230,7 +229,8 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
   };
   using Kind = RefinedQuantity::Kind;
   add_own(Kind::kSize, 0, layout.Size());
-  // The prior has to find stacks that are measured badly: half of it is what people get wrong.
+  // The solution's prior is wide, to find stacks that are measured badly. People's errors are half
+  // of it.
   quantities.back().prior_sigma /= 2;
   const Eigen::MatrixXd gauge = GaugeProjection(problem.structure, problem.priors);
   for (std::size_t still = 0; still < layout.stills(); ++still) {

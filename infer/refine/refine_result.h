@@ -1,6 +1,6 @@
 #pragma once
 
-// What a refinement gives, from its solution and posterior. Not for callers of Refine.
+// The result of a refinement, from its solution and posterior. Not for callers of Refine.
 
 #include <cstddef>
 #include <vector>
@@ -12,12 +12,13 @@
 
 namespace volalign::refine_internal {
 
-/// Without covariances, sigmas and pairs. `given_lenses`: how many of the problem's lenses the
-/// caller gave.
+/// The result without covariances, sigmas and pairs. `given_lenses`: number of the problem's lenses
+/// that the caller gave.
 RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
                         std::size_t given_lenses);
 
-/// Adds those. `unsolved`: frames whose part of the problem could not be solved.
+/// Adds covariances, sigmas and pairs. `unsolved`: frames whose part of the problem could not be
+/// solved.
 void AddUncertainties(const JointProblem& problem, const Agreed& agreed,
                       const std::vector<char>& unsolved, const Posterior& posterior,
                       RefineResult* result);

@@ -12,15 +12,15 @@ namespace {
 /// d (turn about the vertical by a) v / da, at a = 0.
 Eigen::Vector3d VerticalCross(const Eigen::Vector3d& v) { return {v.z(), 0, -v.x()}; }
 
-/// A plane of a box: of a side, or through an edge and square to the side. It moves with the box:
-/// normal . (p - centre) = (1 + growth) * half.
+/// A plane of a box: of a side, or through an edge and perpendicular to the side. It moves with the
+/// box: normal . (p - centre) = (1 + growth) * half.
 struct MovedPlane {
   Eigen::Vector3d normal, nominal_centre, centre;
   double half, height;
   int box;
 };
 
-/// One sensor at its parameters, against the structure as they build it.
+/// One sensor at its parameters, and the structure as built by them.
 class Scene {
  public:
   /// `observed_lens`: the lens of the observations.
@@ -37,7 +37,7 @@ class Scene {
   const double* pose() const { return parameters_.pose; }
   double error(int which) const { return parameters_.errors[which]; }
   double gain() const { return 1 + error(kGain); }
-  /// Of ln(focal length), from the lens that was looked through.
+  /// Change of ln(focal length) from the lens of the observations.
   double FocalChange() const { return lens_[0]; }
   Eigen::Index columns() const { return FrameColumns::kBoxes + model_.size().parameters(); }
   Eigen::Index ColumnOfBulge(int label) const {
@@ -51,19 +51,19 @@ class Scene {
     return rotation_ * p + translation_;
   }
 
-  /// Of unit depth, to where an observation at p was seen.
+  /// The ray of unit depth to an observation at p.
   Eigen::Vector3d Ray(const Eigen::Vector3d& p, const RayByLensMatrix& by_lens) const {
     Eigen::Vector3d ray = p / p.z();
     ray.head<2>() += by_lens * lens_;
     return ray;
   }
-  /// Of direction . R ray, by the lens.
+  /// Derivative of direction . R ray by the lens.
   Eigen::RowVector3d ByLens(const Eigen::Vector3d& direction,
                             const RayByLensMatrix& by_lens) const {
     return direction.transpose() * rotation_.leftCols<2>() * by_lens;
   }
 
-  /// Along `ray`, of unit depth, at the true depth.
+  /// The point along `ray`, of unit depth, at the true depth.
   Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
     const Eigen::Map<const SensorErrorVector> errors(parameters_.errors);
     return (face.p.z() + *parameters_.offset + face.by_errors.dot(errors)) * ray;
@@ -94,7 +94,7 @@ class Scene {
   }
 
  private:
-  /// The plane of this direction that lies `extent` outside of the side's centre.
+  /// The plane with this normal that lies `extent` outside of the side's centre.
   MovedPlane Moved(const Side& side, const Eigen::Vector3d& direction, double extent) const {
     const Box& box = model_.structure().boxes()[static_cast<std::size_t>(side.box)];
     const double* boxes = parameters_.build.boxes;
@@ -113,7 +113,7 @@ class Scene {
 
   const BuildModel& model_;
   const FrameParameters& parameters_;
-  const LensChange lens_;  // from the one that was looked through
+  const LensChange lens_;  // from the lens of the observations
   const Eigen::Matrix3d rotation_;
   const Eigen::Vector3d translation_;
   const double growth_;
@@ -141,9 +141,9 @@ double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Inde
   return distance;
 }
 
-/// Distance of a silhouette to its edge, along the ray to the side's plane, so that its depth has
-/// no say; as long as that distance is where the silhouette was measured, through the lens of the
-/// observations. `jacobian` may be null.
+/// Distance of a silhouette from its edge. The silhouette's ray is extended to the side's plane, so
+/// its depth does not count. The length is scaled to the silhouette's measured depth and the lens
+/// of the observations. `jacobian` may be null.
 double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Index row,
                     Eigen::MatrixXd* jacobian) {
   const Side& side = scene.SideOf(edge.label);
@@ -225,7 +225,7 @@ SensorCost::SensorCost(const BuildModel& model, const FrameObservations& observe
 
 bool SensorCost::Evaluate(double const* const* parameters, double* residuals,
                           double** jacobians) const {
-  // Whitening costs most: of what is held constant, no derivatives are wanted.
+  // Whitening costs most: constant parameters need no derivatives.
   std::vector<Eigen::Index> wanted;
   Eigen::Index column = 0;
   for (std::size_t b = 0; b < parameter_block_sizes().size(); ++b) {

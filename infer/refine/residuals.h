@@ -14,22 +14,21 @@
 namespace volalign::refine_internal {
 
 /// Signed distances, m: faces (to the infinite plane of the side as built), then edges (bearing
-/// against the edge, measured in the side's plane). True depth = measured + offset +
-/// what the errors of the sensor add; a side stands out by its bulge. They
-/// are lengths as the sensor measures them: of a face the true one divided by the gain, of an edge
-/// what its bearing makes at the measured depth. A sensor's errors are of that kind; in true
-/// lengths the smallest world would fit best. `jacobian`, if wanted, has FrameColumns.
+/// against the edge, in the side's plane). True depth = measured + offset + the errors of the
+/// sensor. A side stands out by its bulge. Distances are as the sensor measures them: a face's is
+/// the true one divided by the gain, an edge's is its bearing's at the measured depth. With true
+/// lengths, the smallest world would fit best. `jacobian`, if wanted, has FrameColumns.
 void Residuals(const BuildModel& model, const FrameObservations& observed,
                const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian);
 
-/// The same in standard deviations, whitened by their joint covariance. `jacobian`, if wanted, has
-/// the columns in `wanted` alone.
+/// The residuals in standard deviations, whitened by their joint covariance. `jacobian`, if wanted,
+/// has only the columns in `wanted`.
 void WhitenedResiduals(const BuildModel& model, const FrameObservations& observed,
                        const FrameParameters& parameters, const std::vector<Eigen::Index>& wanted,
                        Eigen::VectorXd* residuals, Eigen::MatrixXd* jacobian);
 
-/// WhitenedResiduals of a sensor. Refers to both arguments.
+/// WhitenedResiduals as a cost. Refers to both arguments.
 class SensorCost : public ceres::CostFunction {
  public:
   SensorCost(const BuildModel& model, const FrameObservations& observed);

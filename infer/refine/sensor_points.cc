@@ -36,8 +36,8 @@ std::vector<std::vector<int>> PixelsByLabel(const ConfidentSides& sides) {
   return by_label;
 }
 
-/// Is all of the window that a pixel's depth comes from on its own side? A matcher shows what is
-/// nearer larger than it is, by up to half its window, and rounds off where sides meet.
+/// Does all of the window of a pixel's depth lie on the pixel's own side? A matcher enlarges nearer
+/// surfaces by up to half its window, and rounds off corners.
 bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
   const SensorView& view = sides.view;
   if (view.errors.window_rad == 0) return true;
@@ -46,7 +46,7 @@ bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
   const double here = view.depth(u, v);
   for (const auto& [du, dv] : kBeside) {
     for (int step = 1; step <= reach; ++step) {
-      // Across what was not measured.
+      // Across pixels without depth.
       int x = u + step * du, y = v + step * dv;
       for (; view.depth.Contains(x, y) && !(view.depth(x, y) > 0); y += dv) x += du;
       if (!view.depth.Contains(x, y)) return false;
@@ -57,7 +57,7 @@ bool HasItsOwnDepth(const ConfidentSides& sides, int u, int v) {
   return true;
 }
 
-/// At most `max_points` points, the same number of each side.
+/// At most `max_points` points, the same number on each side.
 std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_points) {
   const SensorView& view = sides.view;
   std::vector<std::vector<int>> by_label = PixelsByLabel(sides);
@@ -67,9 +67,9 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
   std::vector<SidePoint> points;
   for (std::size_t label = 1; label < sides.classes; ++label) {
     std::vector<int>& pixels = by_label[label];
-    // Each pixel has its place in the order, whichever others are labelled: labels that differ in a
-    // few pixels give points that differ in a few. (A stride that has a common divisor with the
-    // image's width would sample few columns.)
+    // Each pixel has its own place in the order. So labels that differ in a few pixels give points
+    // that differ in a few. (A stride that has a common divisor with the image's width would sample
+    // few columns.)
     SortByKey(&pixels, [](int pixel) {
       return Philox4x32({static_cast<std::uint32_t>(pixel), 0, 0, 0}, {0, 0})[0];
     });

@@ -21,20 +21,21 @@ struct SidePoint {
   int label = 0;
   double sigma = 0;  ///< m: standard error of its depth over several frames; 0: not known
   int block = 0;     ///< of the image, see BlockIndex
-  /// Standard deviation of how far aside of it its depth was measured: evenly within half of a
-  /// stereo matcher's window, where that reaches beyond the side; 0 elsewhere.
+  /// Standard deviation of the angle between the point and where its depth was measured. A stereo
+  /// matcher measures evenly within half of its window, which may reach beyond the side. 0
+  /// elsewhere.
   double aside_rad = 0;
 };
 
-/// A point on the silhouette of a labelled side, where the depth behind it jumps or where there is
-/// none: half a pixel beyond the last one on the side, more where pixels are missing.
+/// A point on the silhouette of a labelled side, where the depth behind it jumps or is missing. It
+/// lies half a pixel beyond the last one on the side, more if pixels are missing.
 struct EdgePoint {
   Eigen::Vector3d p;
   /// Unit, sensor frame, in the side's measured plane, across the silhouette.
   Eigen::Vector3d outward;
   Eigen::Vector3d normal;  ///< of the side, as measured
-  /// m: standard deviation if the edge were anywhere between the pixels on both sides of it, or, of
-  /// one with nothing behind, in as many pixels as sensors leave empty.
+  /// m, standard deviation. The edge is anywhere between the pixels on both sides of it. A
+  /// one-sided one is anywhere in as many pixels as sensors leave empty.
   double sigma = 0;
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
@@ -50,7 +51,7 @@ struct CloudPoint {
   Eigen::Vector3d normal;
 };
 
-/// Cloud points, among which the nearest to a place is found. Copies share them.
+/// Cloud points with a search for the nearest one. Copies share them.
 class SampledCloud {
  public:
   SampledCloud() = default;
@@ -68,40 +69,40 @@ class SampledCloud {
   std::shared_ptr<const Points> points_;  // null: none
 };
 
-/// Index of the square block of kBlock pixels that a pixel of an image of this width is in.
+/// Index of the square block of kBlock pixels that contains a pixel, in an image of this width.
 int BlockIndex(int u, int v, int width);
 
 /// The points of one sensor that refinement works on.
 struct SensorPoints {
   std::vector<SidePoint> side_points;
   std::vector<EdgePoint> edge_points;
-  /// What is matched with other sensors' clouds, whatever the labels are. One that is refined alone
-  /// needs none.
+  /// Points to match with other sensors' clouds, whatever their labels. A sensor that is refined
+  /// alone needs none.
   SampledCloud cloud;
-  /// The lens that they were seen through: its intrinsics (an image of 0 x 0 px where it is none
-  /// that could be changed), and how these differ from the assumed ones.
+  /// The intrinsics through which they were seen, and their change from the assumed ones. An image
+  /// of 0 x 0 px: a lens that cannot be changed.
   Intrinsics intrinsics = {};
   LensChange lens = LensChange::Zero();
-  /// Of the ray of a point.
+  /// The derivative of a point's ray by the lens.
   RayByLensMatrix RayByLensAt(const Eigen::Vector3d& p) const {
     if (intrinsics.width == 0) return RayByLensMatrix::Zero();
     return RayByLens(intrinsics, p.head<2>() / p.z());
   }
 };
 
-/// The points of a view that have a normal: of every second pixel of every second row.
+/// The points of a view that have a normal, from every second pixel of every second row.
 SampledCloud SampleCloud(const SensorView& view);
 
-/// The labelled points of a view, without a cloud: of labels of at least this confidence, at most
-/// RefineOptions::max_side_points, at most max_edge_points silhouettes and as many again of
-/// one-sided ones. The same view always gives the same points.
+/// The labelled points of a view, without a cloud. Labels have at least `min_confidence`. There are
+/// at most RefineOptions::max_side_points, and at most max_edge_points silhouettes and as many
+/// one-sided ones again. The same view always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options,
                           double min_confidence);
 
-/// Unit normal towards the sensor of the surface at a pixel, from the plane through its (2 radius +
-/// 1)^2 neighbours on the same surface. Returns false where too few neighbours have depth or they
-/// are bent: smallest variance over 8 % of the middle one.
+/// Unit normal towards the sensor of the surface at a pixel: the plane through its (2 radius + 1)^2
+/// neighbours on the same surface. Returns false if too few neighbours have depth, or if they are
+/// bent: smallest variance over 8 % of the middle one.
 bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector3d* normal);
 
 }  // namespace volalign

@@ -18,13 +18,12 @@ constexpr int kMaxGrowth = 2 * kMaxGap;     // px that a label may fall short of
 constexpr double kOnPlane = kSamePlace;     // m, of a pixel that continues a side
 constexpr double kBehind = 2 * kRoughPose;  // m, by which the depth has to jump at a silhouette
 constexpr double kLeastIncidence = 0.2;     // cosine: beyond it half a pixel is centimetres of side
-/// The pixels that are lost at an edge belong to the background more often than to the side: on
-/// real captures, edges halfway through the gap come out a pixel too far out. So only this share
-/// counts.
+/// Pixels without depth at an edge belong to the background more often than to the side. On real
+/// captures, edges halfway through the gap are a pixel too far out. So this share of it counts.
 constexpr double kShareOfGap = 0.25;
 // One-sided silhouettes.
-/// Two-sided points along one image axis from which on they say where the structure ends: one-sided
-/// ones, which depend on what a sensor loses along edges, would only blur that.
+/// If there are so many two-sided points along one image axis, one-sided ones are not used. They
+/// depend on the sensor's losses along edges and would only blur the structure's end.
 constexpr int kEnough = 40;
 constexpr int kNeighbours = 8;  // rows (or columns) on each side that have to form a line
 constexpr std::size_t kFewestEnds =
@@ -52,8 +51,8 @@ Eigen::Vector3d RayAt(const SensorView& view, int u, int v) {
   return view.rays.at(u, v).cast<double>().homogeneous();
 }
 
-/// Follows the plane. Returns false where no end of it is seen nearby, or where another labelled
-/// surface continues it.
+/// Follows the plane. Returns false if no end of it is nearby, or if another labelled surface
+/// continues it.
 bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
   const SensorView& view = sides.view;
   int steps = 0;
@@ -63,8 +62,7 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
     const double z = view.depth(x, y);
     if (!(z > 0) || std::abs(plane.normal.dot(view.Point(x, y)) - plane.offset) > kOnPlane) break;
     const int other = sides.segmentation.labels(x, y);
-    // On another side in the same plane, or back on the same side, where the walk began too
-    // early.
+    // On another side in the same plane, or back on the same side if the walk began too early.
     if (other > 0 && sides.segmentation.confidence(x, y) >= sides.min_confidence) return false;
     walk->u = x;
     walk->v = y;
@@ -82,16 +80,15 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
   return true;
 }
 
-/// Does the view end behind the walk in something farther away than the plane, or in nothing?
+/// Does the view end behind the walk on something farther away than the plane, or on nothing?
 bool SeesPast(const SensorView& view, const Walk& walk, const Plane& plane) {
   if (!view.depth.Contains(walk.beyond_u, walk.beyond_v)) return walk.gap > kEmptyBorder;
   const Eigen::Vector3d ray = RayAt(view, walk.beyond_u, walk.beyond_v);
   return view.depth(walk.beyond_u, walk.beyond_v) > plane.Depth(ray) + kBehind;
 }
 
-/// The edge point at the end of a walk, `pixels` beyond the middle of the last pixel, where the
-/// edge lies somewhere in the `width` pixels that follow. False where the plane is seen at too
-/// small an angle.
+/// The edge point at the end of a walk, `pixels` beyond the middle of the last pixel. The edge lies
+/// within the next `width` pixels. False if the plane is seen at too small an angle.
 bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, double pixels, int width,
             EdgePoint* edge) {
   const Eigen::Vector3d inner = RayAt(view, walk.u, walk.v);
@@ -126,7 +123,7 @@ std::array<int, 4> KeyOf(const Candidate& c, int line) {
   return {c.edge.label, c.edge.axis, c.sign(), line};
 }
 
-/// Slope, px per line, of the line that the ends near a candidate form, if they do.
+/// Slope, px per line, of the line that the ends near a candidate form. False if they form none.
 bool FitSlope(const Candidate& candidate, const Ends& ends, double* slope) {
   std::vector<std::pair<double, double>> found;  // line and end, from the candidate's own
   for (int d = -kNeighbours; d <= kNeighbours; ++d) {
@@ -155,7 +152,7 @@ bool FitSlope(const Candidate& candidate, const Ends& ends, double* slope) {
   return misfit <= kRagged * kRagged;
 }
 
-/// Turns `outward` square to the silhouette, which runs in the picture with that slope.
+/// Turns `outward` perpendicular to the silhouette, which has that slope in the picture.
 void TurnSquare(const SensorView& view, const Candidate& candidate, double slope, EdgePoint* edge) {
   const int u = std::clamp(candidate.walk.u, 1, view.width() - 2);
   const int v = std::clamp(candidate.walk.v, 1, view.height() - 2);
@@ -163,13 +160,13 @@ void TurnSquare(const SensorView& view, const Candidate& candidate, double slope
   const Eigen::Vector3d per_v = (RayAt(view, u, v + 1) - RayAt(view, u, v - 1)) / 2;
   const Eigen::Vector3d ray = edge->p / edge->p.z();
   const Eigen::Vector3d turn = edge->axis == 0 ? per_v + slope * per_u : per_u + slope * per_v;
-  // The derivative of the point at which the ray meets the plane.
+  // Derivative of the intersection of ray and plane.
   const Eigen::Vector3d along = turn - ray * (edge->normal.dot(turn) / edge->normal.dot(ray));
   const Eigen::Vector3d square = along.cross(edge->normal).normalized();
   edge->outward = square.dot(edge->outward) < 0 ? Eigen::Vector3d(-square) : square;
 }
 
-/// The candidates at which sides end along a line, of those along which too little else is known.
+/// The candidates at which sides end along a line, for image axes with too few two-sided points.
 std::vector<EdgePoint> Straight(const SensorView& view, const std::vector<Candidate>& candidates,
                                 const std::vector<EdgePoint>& two_sided) {
   Ends ends;

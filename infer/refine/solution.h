@@ -11,51 +11,51 @@
 
 namespace volalign::refine_internal {
 
-/// m, standard deviation: how far a real box's edges stray from where the structure has them,
-/// beyond what its faces do, where nothing tells where boxes stand. On three real captures it was
-/// 10-30 mm for faces that fit to 4 mm.
+/// m, standard deviation: how far a real box's edges deviate from the structure, beyond its faces,
+/// if boxes are fixed. On three real captures it was 10-30 mm for faces that fit to 4 mm.
 inline constexpr double kHeldEdge = 0.012;
 
-/// Standard deviation of an edge's place in the refinement (NoiseModel::line), given what is free:
-/// an edge of a box that is held where the structure has it strays as its faces do.
+/// Standard deviation of an edge's place in the refinement (NoiseModel::line), given what is free.
+/// 0 if boxes are free, else kHeldEdge.
 double LineTolerance(const FreeSet& free);
 
-/// Each sensor's observations as they lie at `state`, with the noise model that explains them best.
-/// Of sensors without structure terms: none. Where observations are too few to tell, the noise
-/// models of `previous` are kept or, that being empty, what is usual for the sensor's kind.
+/// Each sensor's observations at `state`, with the noise model that explains them best. Sensors
+/// without structure terms have none. If observations are too few, the noise models of `previous`
+/// stay, or, if that is empty, those usual for the sensor's kind.
 std::vector<FrameObservations> GatherObservations(const JointProblem& problem, const State& state,
                                                   const FreeSet& free,
                                                   std::vector<FrameObservations> previous);
 
-/// Values of all parameters, and what they rest on.
+/// Values of all parameters, and their observations.
 struct Solution {
   FreeSet free;
   State state;
   std::vector<FrameObservations> observed;
-  /// Frames that stay where they are and say nothing.
+  /// Frames that are fixed and have no terms.
   std::vector<char> held;
-  std::vector<PairOverlap> overlaps = {};  ///< where the last Solve began
+  std::vector<PairOverlap> overlaps = {};  ///< at the start of the last Solve
 };
 
 /// Sets the observations' covariances for this tolerance of edges, at the solution's poses.
 void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* solution);
 
-/// Does a frame of a still, other than those that are held, see a side of a box?
+/// Does a frame of a capture that is not fixed see a side of a box?
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box);
 
-/// Finds what overlaps, and moves what is free to its most probable values. False, and nothing is
-/// moved, if they cannot be computed.
+/// Finds overlaps and moves all free parameters to their most probable values. Returns false, and
+/// moves nothing, if they cannot be computed.
 bool Solve(const JointProblem& problem, Solution* solution);
 
 /// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
 bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
 
-/// Puts a frame where it starts, to stay there.
+/// Fixes a frame at its start with a depth offset of 0. Its sensor has no errors then, unless it
+/// has a free frame.
 void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solution);
 
-/// From `solution.state` on, RefineSchedule::associations times: gathers observations and
-/// solves. Frames that are not usable are held where they start; all of them where even that does
-/// not make the problem solvable.
+/// Gathers observations and solves, RefineSchedule::associations times, from `solution.state` on.
+/// Frames that are not usable are fixed at their starts. If the problem cannot be solved even then,
+/// all frames are.
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -1,6 +1,6 @@
 #pragma once
 
-// A Ceres problem with what it refers to. Not for callers of Refine.
+// A Ceres problem with everything that it refers to. Not for callers of Refine.
 
 #include <ceres/manifold.h>
 #include <ceres/problem.h>
@@ -20,7 +20,7 @@ struct CeresProblem {
   std::vector<std::unique_ptr<ceres::Manifold>> subsets;
   std::unique_ptr<ceres::Problem> problem;  ///< last: it refers to the others
 
-  /// Holds those elements of a block that are not a pose constant.
+  /// Makes these elements of a block constant. The block is not a pose.
   void HoldConstant(double* block, int size, const std::vector<int>& elements);
 };
 
@@ -30,8 +30,8 @@ struct Minimum {
   bool converged = false;  ///< by its tolerances, not by the number of steps
 };
 
-/// Moves the parameters to the least cost that the schedule's number of steps reaches. Where that
-/// is not usable, they stay where they are.
+/// Moves the parameters to the least cost within the schedule's number of steps. They stay as they
+/// are if that is not usable.
 Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem);
 
 }  // namespace volalign::refine_internal

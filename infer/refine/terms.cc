@@ -11,8 +11,8 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Overlap that the structure does not hold already: of one frame's points against what the other
-/// measured. Errors within a correlation length are one error.
+/// Overlap away from the structure: one frame's points against the other's measurements. Errors
+/// within a correlation length are one error.
 void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObservations>& observed,
                      const PairOverlap& pair, State* state, CeresProblem* ceres) {
   const std::size_t size = pair.of_a.size() + pair.of_b.size();
@@ -48,7 +48,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   add(pair.b, pair.a, pair.of_b);
 }
 
-/// Residuals of one frame.
+/// Adds the residuals of one frame.
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
   if (observed.faces.empty()) return;
@@ -58,8 +58,8 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
       state->boxes[state->StillOf(i)].data(), state->bulges[state->StillOf(i)].data());
 }
 
-/// A sensor stays where it is between stills, and its depth offset nearly so. Each of its frames is
-/// tied to its first that counts.
+/// A sensor stays where it is between captures, and so nearly does its depth offset. Each of its
+/// frames is tied to its first one that is not fixed.
 void AddTies(const JointProblem& problem, const std::vector<char>& held, State* state,
              CeresProblem* ceres) {
   std::map<int, std::size_t> first_of;
@@ -78,7 +78,8 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
   }
 }
 
-/// A block with its prior, and what of it stays as it is. The prior of a pose is about where it is.
+/// Adds a block with its prior and its constant elements. The prior of a pose is about its current
+/// value.
 void AddBlock(const ParameterLayout::Block& block, const Eigen::VectorXd& sigmas,
               const std::vector<char>& constant, CeresProblem* ceres) {
   const bool is_pose = block.size != block.tangent_size;

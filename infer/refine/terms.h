@@ -12,14 +12,14 @@
 
 namespace volalign::refine_internal {
 
-/// Prior standard deviations of all parameters, under the noise models of `observed`, as the
-/// options have them.
+/// Prior standard deviations of all parameters as in the options, under the noise models of
+/// `observed`.
 Eigen::VectorXd PriorSigmas(const JointProblem& problem,
                             const std::vector<FrameObservations>& observed);
 
-/// The problem over all parameters; it refers to all its arguments. Those of which `constant` is
-/// set (see ParameterLayout::Constant) stay as they are. A sensor of which even the pose is
-/// constant has no terms of its own. `held`: frames that are not tied to others of their sensor.
+/// The problem over all parameters; it refers to all its arguments. Parameters marked in `constant`
+/// (see ParameterLayout::Constant) do not change. A frame whose pose is constant has no structure
+/// terms. Fixed frames are not tied to others of their sensor.
 CeresProblem BuildCeresProblem(const JointProblem& problem,
                                const std::vector<FrameObservations>& observed,
                                const std::vector<PairOverlap>& overlaps,

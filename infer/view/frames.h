@@ -16,9 +16,9 @@
 
 namespace volalign {
 
-/// One sensor in one still: the only number of a frame.
+/// The identity of a frame: one sensor in one capture.
 struct FrameId {
-  std::size_t still = 0, frame = 0;  ///< index of the still, and of the frame in it
+  std::size_t still = 0, frame = 0;  ///< index of the capture, and of the frame in it
 
   bool operator==(const FrameId& other) const {
     return still == other.still && frame == other.frame;
@@ -33,7 +33,7 @@ template <class T>
 class PerFrame {
  public:
   PerFrame() = default;
-  /// `stills`: of each still, its frames' values.
+  /// The argument has the values of each capture's frames.
   explicit PerFrame(std::vector<std::vector<T>> stills) : stills_(std::move(stills)) {}
 
   T& operator[](FrameId id) { return stills_[id.still][id.frame]; }
@@ -41,7 +41,7 @@ class PerFrame {
   std::vector<T>& OfStill(std::size_t still) { return stills_[still]; }
   const std::vector<T>& OfStill(std::size_t still) const { return stills_[still]; }
   std::size_t stills() const { return stills_.size(); }
-  /// Of all frames, in order.
+  /// The ids of all frames, in order.
   std::vector<FrameId> Ids() const {
     std::vector<FrameId> ids;
     for (std::size_t s = 0; s < stills_.size(); ++s) {
@@ -70,7 +70,7 @@ auto MapFrames(const PerFrame<T>& like, int threads, const F& of) {
   return values;
 }
 
-/// What is to be calibrated. Frames of one name are of one sensor.
+/// The input of calibration. Frames of one name are of one sensor.
 struct CaptureSet {
   CaptureSet(std::vector<Still> stills, Structure structure);
 

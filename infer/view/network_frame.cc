@@ -14,7 +14,7 @@ namespace {
 
 /// Focal lengths beyond the trained range by up to this factor count as within it.
 constexpr double kFocalSlack = 1.02;
-/// Shortest side that the network's five resolutions leave anything of, px.
+/// Shortest side for the network's five resolutions, px.
 constexpr int kMinNetworkSide = 16;
 /// Depths that differ by no more than this belong to one surface, m.
 constexpr float kSameSurface = kRoughPose;

@@ -10,7 +10,7 @@ namespace volalign {
 
 namespace {
 
-/// Frames that go through the network together at most: bounds the memory of a pass.
+/// Most frames that go through the network together, to bound the memory of a pass.
 constexpr std::size_t kBatch = 8;
 
 struct Prepared {

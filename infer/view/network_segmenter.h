@@ -11,17 +11,17 @@
 
 namespace volalign {
 
-/// What calibration has to know of a network, whatever runs it.
+/// The properties of a network that calibration needs, whatever runs it.
 struct NetworkDescription {
   Structure structure;                       ///< that it was trained on
   std::pair<double, double> focal_px{0, 0};  ///< least and largest focal length in training, px
   std::string file;
   std::string sha256;   ///< of the file
-  std::string runtime;  ///< that runs it: "LibTorch 1.13.1"
+  std::string runtime;  ///< the program that runs it: "LibTorch 1.13.1"
 };
 
-/// A trained network as a Segmenter: brings frames to the size and orientation of its training and
-/// its labels back (network_frame.h). What runs the network derives from this.
+/// A trained network as a Segmenter. Brings frames to the size and orientation of its training, and
+/// its labels back (network_frame.h). Each runtime derives a class from it.
 class NetworkSegmenter : public Segmenter {
  public:
   using Segmenter::Segment;
@@ -37,8 +37,8 @@ class NetworkSegmenter : public Segmenter {
  protected:
   explicit NetworkSegmenter(NetworkDescription description);
 
-  /// Labels and confidences, of 1 to 8 depth maps of one size in the network's orientation, metres,
-  /// 0 where there is none; of every pixel, whether it has depth or not.
+  /// Labels and confidences of 1 to 8 depth maps of one size in the network's orientation, in
+  /// metres, 0 without depth. Every pixel has a label, also without depth.
   virtual std::vector<SegmentationResult> Forward(const std::vector<const DepthImage*>& depths) = 0;
 
  private:

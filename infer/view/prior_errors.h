@@ -6,11 +6,11 @@
 
 namespace volalign {
 
-/// What calibration assumes of a frame's depths before it has fitted their errors: those of the
-/// sensor's kind (a name of the intrinsics pool, see SensorFrame::sensor), with the smooth part of
-/// a kind that is not known. A frame of a D415 has twice that smooth error, growing with the square
-/// of the depth; to begin with that much puts eight stereo cameras of a rig from another simulator
-/// 3.1 mm off in the median instead of 2.5 mm.
+/// The depth errors that calibration assumes of a frame before it fits them. They are those of the
+/// sensor's kind (a name of the intrinsics pool, see SensorFrame::sensor), but with the smooth part
+/// of an unknown kind. A D415 has twice that smooth error, growing with the square of the depth.
+/// But with its own values, eight stereo cameras of a rig from another simulator were 3.1 mm off in
+/// the median instead of 2.5 mm.
 DepthErrorModel PriorErrorsOf(const std::string& sensor);
 
 }  // namespace volalign

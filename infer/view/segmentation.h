@@ -11,7 +11,8 @@ struct SegmentationResult {
   Image<float> confidence;  ///< probability of the label, 0 where there is no depth
 };
 
-/// Every `stride`-th pixel of every `stride`-th row, those that Decimate takes of a SensorView.
+/// Every `stride`-th pixel of every `stride`-th row: the same pixels as Decimate takes of a
+/// SensorView.
 inline SegmentationResult Decimate(const SegmentationResult& segmentation, int stride) {
   if (stride <= 1) return segmentation;
   return {DecimateImage(segmentation.labels, stride),

@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// A frame to segment. What it refers to must outlive the call.
+/// A frame to segment. The objects that it refers to must outlive the call.
 struct SegmentationRequest {
   const DepthImage* depth = nullptr;
   const Intrinsics* intrinsics = nullptr;

@@ -15,9 +15,9 @@ namespace volalign {
 
 namespace {
 
-constexpr auto kNearest = static_cast<float>(kDepthStep);  // m: a corrected depth is a depth still
+constexpr auto kNearest = static_cast<float>(kDepthStep);  // m: a corrected depth stays a depth
 
-/// Of finite rays; 0 elsewhere.
+/// Areas for finite rays; 0 elsewhere.
 Image<float> RayAreas(const Intrinsics& intrinsics, const RayTable& rays) {
   Image<float> areas(rays.width, rays.height);
   for (std::size_t i = 0; i < areas.size(); ++i) {

@@ -16,8 +16,8 @@ struct SensorView {
   DepthImage depth;          ///< m; 0 where nothing usable was measured
   Image<float> depth_sigma;  ///< m, see SensorFrame; may be empty
   RayTable rays;             ///< finite everywhere
-  /// What each pixel covers of the plane z = 1, m^2: 1 / (fx fy |J|), J being the lens's derivative
-  /// at the pixel's ray (BendRay); 0 where it has no ray.
+  /// The area that each pixel covers on the plane z = 1, m^2: 1 / (fx fy |J|). J is the lens's
+  /// derivative at the pixel's ray (BendRay). 0 if it has no ray.
   Image<float> ray_areas;
   DepthErrorModel errors = ErrorsOf("");  ///< of the sensor's kind
 
@@ -29,8 +29,8 @@ struct SensorView {
     const double z = depth(u, v);
     return {z * ray.x(), z * ray.y(), z};
   }
-  /// Calls visit(u, v) for the pixels with depth, row by row: every `stride`-th of every
-  /// `stride`-th row, from stride / 2 on.
+  /// Calls visit(u, v) for the pixels with depth, row by row: every `stride`-th pixel of every
+  /// `stride`-th row, beginning at stride / 2.
   template <class Visit>
   void VisitMeasured(int stride, const Visit& visit) const {
     for (int v = stride / 2; v < height(); v += stride) {
@@ -39,26 +39,26 @@ struct SensorView {
       }
     }
   }
-  /// Area, m^2, that a pixel covers at the depth z on a surface of this unit normal: z^2 a / |n .
-  /// r|, where r = (x/z, y/z, 1) is its ray and a what it covers of the plane z = 1. The angle of
-  /// incidence is limited to 85 deg.
+  /// Area, m^2, that a pixel covers at the depth z on a surface with this unit normal: z^2 a / |n .
+  /// r|. Its ray is r = (x/z, y/z, 1), and a is its area on the plane z = 1. The angle of incidence
+  /// is limited to 85 deg.
   double PixelArea(int u, int v, double z, const Eigen::Vector3d& normal) const;
 };
 
-/// The view of a frame, without depths that are not finite and positive and without those of pixels
-/// that have no ray; by default of a kind that nothing knows. Throws DataError if the image and the
-/// intrinsics differ in size.
+/// The view of a frame, by default of an unknown kind. Depths that are not finite and positive
+/// become 0, as do those of pixels without a ray. Throws DataError if the image and the intrinsics
+/// differ in size.
 SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics,
                           const DepthErrorModel& errors = ErrorsOf(""));
 
 /// The view of a frame with its depth_sigma, through these intrinsics instead of its own. Throws
-/// DataError also where that is of another size.
+/// DataError also if depth_sigma has another size.
 SensorView MakeSensorView(const SensorFrame& frame, const Intrinsics& intrinsics);
 
 /// The view with every measured depth z replaced by z * gain + offset (m).
 SensorView Corrected(SensorView view, double gain, double offset);
 
-/// Every `stride`-th pixel of every `stride`-th row, from stride / 2 on.
+/// Every `stride`-th pixel of every `stride`-th row, beginning at stride / 2.
 SensorView Decimate(const SensorView& view, int stride);
 template <class T>
 Image<T> DecimateImage(const Image<T>& image, int stride) {
@@ -71,11 +71,11 @@ Image<T> DecimateImage(const Image<T>& image, int stride) {
   return out;
 }
 
-/// Rays that suffice to tell good poses from bad ones. A full frame has ten times as many.
+/// Number of rays that suffices to distinguish good poses from bad ones. A full frame has ten times
+/// as many.
 inline constexpr double kCoarseRays = 10000;
 
-/// The stride that leaves about `rays` of so many pixels, at least that number; 1 where there are
-/// fewer.
+/// The largest stride that leaves at least about `rays` of so many pixels; 1 if there are fewer.
 int StrideForRays(std::size_t pixels, double rays);
 
 /// Two neighbouring depths that differ by more than this, m, belong to different surfaces unless

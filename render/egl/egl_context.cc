@@ -80,29 +80,30 @@ EGLContext TryContext(EGLDisplay display) {
                                     EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
                                     EGL_NONE};
   eglBindAPI(EGL_OPENGL_API);
-  // A device's driver tells of its reset. Mesa's software driver knows none and refuses to.
+  // A device's driver reports its reset. Mesa's software driver has no reset and refuses the
+  // attribute.
   const EGLContext context = eglCreateContext(display, config, EGL_NO_CONTEXT, kContext);
   if (context != EGL_NO_CONTEXT) return context;
   return eglCreateContext(display, config, EGL_NO_CONTEXT, kContext + 2);
 }
 
 /// Mesa's software driver compiles shaders with libLLVM. Debian 13's LibTorch exports functions of
-/// another LLVM under the same names, which the driver would call instead, and crash. Opened like
-/// this, Mesa looks into its own libraries first. It stays open.
+/// another LLVM under the same names, which would crash the driver. Opened like this, Mesa searches
+/// its own libraries first. It stays open.
 void KeepMesaFromForeignLlvm() {
   if (!::dlsym(RTLD_DEFAULT, kForeignLlvm)) return;
   constexpr int kOwnFirst = RTLD_LAZY | RTLD_LOCAL | RTLD_DEEPBIND;
   void* mesa = ::dlopen("libEGL_mesa.so.0", kOwnFirst);
   link_map* map = nullptr;
   if (!mesa || ::dlinfo(mesa, RTLD_DI_LINKMAP, &map) != 0) return;
-  // Until 24.2, Mesa has its drivers in files of their own.
+  // Until 24.2, Mesa has its drivers in separate files.
   const auto driver = std::filesystem::path(map->l_name).parent_path() / "dri" / "swrast_dri.so";
   ::dlopen(driver.c_str(), kOwnFirst);
 }
 
 constexpr char kWithout[] = "or render without OpenGL: --renderer cpu, renderer=cpu in a recipe";
 
-/// Variables that change which driver EGL finds and what it can do.
+/// Variables that change EGL's choice of driver and its functions.
 std::string Environment() {
   std::string set;
   for (const char* name :
@@ -115,7 +116,7 @@ std::string Environment() {
   return set.empty() ? "" : fmt::format("; the environment has {}: try without", set);
 }
 
-/// Why the surfaceless display, the last one that was tried, gives no OpenGL 4.5.
+/// The reason why the surfaceless display, the last one to be tried, gives no OpenGL 4.5.
 std::string Cause(const Display& display) {
   constexpr char kPackages[] =
       "EGL finds no driver: install the Debian packages libegl-mesa0 and libgl1-mesa-dri, whose "
@@ -137,7 +138,7 @@ std::string Cause(const Display& display) {
   return cause;
 }
 
-/// libepoxy ends the process where it cannot open one of these.
+/// libepoxy ends the process if it cannot open one of these.
 void RequireLibraries() {
   for (const auto& [name, other, package] : {std::tuple("libEGL.so.1", "libEGL.so.1", "libegl1"),
                                              {"libOpenGL.so.0", "libGL.so.1", "libopengl0"}}) {
@@ -163,7 +164,7 @@ DisplayTable& Displays() {
   return *table;
 }
 
-/// `device` null: the surfaceless one.
+/// `device` null: the surfaceless display.
 Display DisplayOf(DisplayTable& table, EGLDeviceEXT device) {
   auto [it, is_new] = table.displays.try_emplace(device);
   Display& display = it->second;

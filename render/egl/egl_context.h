@@ -5,27 +5,26 @@
 namespace volalign {
 
 struct EglContextOptions {
-  /// Index into EGL's list of hardware devices (EGL_EXT_device_enumeration); -1 takes the first one
-  /// on which a context can be made, and software rendering (Mesa, surfaceless) where there is
-  /// none.
+  /// Index into EGL's list of hardware devices (EGL_EXT_device_enumeration). -1 takes the first one
+  /// that gives a context, or else software rendering (Mesa, surfaceless).
   int device = -1;
 };
 
-/// Keeps Mesa's software rendering on the thread that draws, which is best where worker threads
-/// have a context each: sets LP_NUM_THREADS=0 unless the environment has a value. Mesa has no other
-/// switch, and setting the environment races with every thread that reads it, so no other function
-/// of this library does: a program calls this at the start of main, before it starts a thread, or
-/// is started with the variable. What is drawn does not depend on it.
+/// Keeps Mesa's software rendering on the drawing thread, which is best if each worker thread has a
+/// context. Sets LP_NUM_THREADS=0 unless the environment has a value, as Mesa has no other switch.
+/// Setting the environment races with every thread that reads it. So a program calls this at the
+/// start of main, before it starts a thread, and no other function of this library does so.
+/// Pictures do not depend on it.
 void KeepSoftwareRenderingOnOneThread();
 
 /// An off-screen OpenGL 4.5 core context, current on the thread that made it until it is destroyed
-/// there. Contexts of one process share one EGL display a device, which is never terminated; each
-/// worker thread has a context of its own. Mesa's software rendering starts threads of its own for
-/// each context unless LP_NUM_THREADS=0: see KeepSoftwareRenderingOnOneThread.
+/// there. Each worker thread has its own. Contexts of one process share one EGL display per device,
+/// which is never terminated. Mesa's software rendering starts threads for each context unless
+/// LP_NUM_THREADS=0: see KeepSoftwareRenderingOnOneThread.
 class EglContext {
  public:
-  /// Throws IoError: no EGL display or context (names the Debian packages), or a device that does
-  /// not exist.
+  /// Throws IoError without an EGL display or context (with the Debian packages), or for a device
+  /// that does not exist.
   explicit EglContext(const EglContextOptions& options = {});
   ~EglContext();
   EglContext(const EglContext&) = delete;
@@ -34,7 +33,7 @@ class EglContext {
   /// GL_RENDERER, GL_VERSION and the platform, for people.
   std::string Describe() const;
 
-  /// Whether Mesa draws on the processor.
+  /// Does Mesa draw on the processor?
   bool IsSoftware() const;
 
  private:

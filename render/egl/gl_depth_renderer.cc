@@ -155,7 +155,7 @@ void GlDepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& i
       z_min = std::min(z_min, p.z());
       z_max = std::max(z_max, p.z());
     }
-    // Room for the rounding of the corners themselves.
+    // Includes the rounding of the corners themselves.
     z_min = std::max(z_min, static_cast<float>(kNear)) - 1e-5F;
     z_max += 1e-5F;
     first_vertex_[(id & 0xFFFFU) - 1] = static_cast<std::uint32_t>(vertices_.size());

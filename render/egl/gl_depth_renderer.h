@@ -13,12 +13,12 @@
 
 namespace volalign {
 
-/// Draws which face each pixel shows. Owns GL objects: needs a current OpenGL 4.5 context
+/// Draws the face that each pixel shows. Owns GL objects: needs a current OpenGL 4.5 context
 /// (EglContext) from construction to destruction, always the same one.
 ///
-/// Depth does not depend on how the rasteriser interpolates: every face has its plane n . p = h in
-/// the sensor frame, and depth is where the pixel's ray (x, y, 1) meets it, z = 1 / ((n / h) .
-/// (x, y, 1)), exact to float rounding, with a lens and without (LensPicture).
+/// Depth does not depend on the rasteriser's interpolation. Every face has its plane n . p = h in
+/// the sensor frame. The pixel's ray (x, y, 1) meets it at the depth z = 1 / ((n / h) . (x, y, 1)).
+/// This is exact to float rounding, also with a lens (LensPicture).
 class GlDepthRenderer : public DepthRenderer {
  public:
   GlDepthRenderer();
@@ -26,7 +26,7 @@ class GlDepthRenderer : public DepthRenderer {
   GlDepthRenderer(const GlDepthRenderer&) = delete;
   GlDepthRenderer& operator=(const GlDepthRenderer&) = delete;
 
-  /// The limit of size is the GL's; with a lens, of its whole field of view.
+  /// The largest size is that of GL; with a lens, it holds for the lens's whole field of view.
   void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
               const Pose& structure_from_sensor, RenderedView* view) override;
 
@@ -60,7 +60,7 @@ class GlDepthRenderer : public DepthRenderer {
   std::vector<std::uint32_t> ids_;
 };
 
-/// Renderers that have a context of their own each.
+/// Renderers, each with its own context.
 RendererFactory GlRenderers(const EglContextOptions& options = {});
 
 }  // namespace volalign

@@ -18,8 +18,8 @@ using tiles::TileFace;
 namespace {
 
 constexpr int kMostSize = 16384;  // px
-/// By which faces reach beyond their edges, so that no ray passes between two that share one whose
-/// corners differ by rounding. Of a metre away, 1 um.
+/// Faces are extended by this angle beyond their edges: 1 um at 1 m. So no ray passes between two
+/// faces whose common corners differ by rounding.
 constexpr float kOverlap = 1e-6F;  // rad
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
@@ -46,8 +46,8 @@ TileFace MakeFace(const FaceInView& in_view) {
   face.low_y -= kOverlap;
   face.high_y += kOverlap;
   face.num_edges = 4;
-  // The order of the corners around n / h, which points away from the eye. Two neighbours may be
-  // one point, the ends of both diagonals never are.
+  // The order of the corners around n / h, which points away from the eye. Two adjacent corners may
+  // be equal, but not the ends of a diagonal.
   const float order =
       (corners[2] - corners[0]).cross(corners[3] - corners[1]).dot(inverse) < 0 ? -1 : 1;
   for (std::size_t k = 0; k < 4; ++k) {
@@ -65,7 +65,7 @@ TileFace MakeFace(const FaceInView& in_view) {
   return face;
 }
 
-/// Of an element of rows that are `width` long.
+/// Index of an element in rows of `width` elements.
 std::size_t Index(int row, int width, int column) {
   return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
          static_cast<std::size_t>(column);
@@ -150,7 +150,7 @@ void TileRenderer::CollectFaces(const SceneMesh& mesh, const Rays& rays,
   });
 }
 
-/// The faces that each tile of a row may see.
+/// Finds the faces that each tile of a row may see.
 void TileRenderer::FindCandidates(const Rays& rays, int row) {
   const auto r = static_cast<std::size_t>(row);
   const std::size_t first = r * static_cast<std::size_t>(rays.padded);

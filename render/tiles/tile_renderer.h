@@ -11,33 +11,32 @@
 
 namespace volalign {
 
-/// Draws on the processor, without a driver and without a lock: as many renderers at once as there
-/// are threads.
+/// Draws on the processor, without a driver and without a lock: one renderer per thread may run.
 ///
-/// The picture is cut into tiles of 16x8 pixels. In homogeneous coordinates (Olano and Greer,
-/// "Triangle scan conversion using 2D homogeneous coordinates", 1997), whether a pixel's ray passes
-/// through a face, and 1 / depth where it does, are linear functions of the ray, so that no face is
-/// clipped or projected, and any lens is as exact as a pinhole: a ray of its own for each pixel.
-/// Over the rectangle of a tile's rays, the functions' extremes say which faces a tile may see and
-/// which edges cut it. A tile draws its faces from the nearest on and leaves out those behind what
-/// covers it already.
+/// The picture is divided into tiles of 16x8 pixels. In homogeneous coordinates, two functions of a
+/// pixel's ray are linear: whether it passes through a face, and 1 / depth where it does. Source:
+/// Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997. So no face
+/// is clipped or projected. A lens is as exact as a pinhole, as each pixel has its own ray. The
+/// functions' extremes over the rectangle of a tile's rays give the faces that the tile may see and
+/// the edges that cut it. A tile draws its faces from the nearest on and skips those behind its
+/// cover.
 ///
 /// Depth is where the ray meets the face's plane, exact to float rounding. The picture is the same
-/// to the last bit whatever instructions the processor has, and whichever thread draws.
+/// to the last bit for all instruction sets and threads.
 class TileRenderer : public DepthRenderer {
  public:
-  /// With the best instructions that this processor has; tests name others.
+  /// With the best instructions of this processor; tests name others.
   TileRenderer();
   explicit TileRenderer(const tiles::TileKernels& kernels) : kernels_(kernels) {}
 
   void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
               const Pose& structure_from_sensor, RenderedView* view) override;
 
-  /// For people.
+  /// A description for people.
   std::string Describe() const;
 
  private:
-  /// The rays of all tiles, row by row of tiles, and the ranges of each tile's.
+  /// The rays of all tiles, row by row of tiles, and the ranges of each tile's rays.
   struct Rays {
     std::shared_ptr<const RayTable> table;
     int columns, rows;  ///< tiles
@@ -52,7 +51,7 @@ class TileRenderer : public DepthRenderer {
   /// A face that a tile may see.
   struct Candidate {
     std::uint32_t face;     ///< index into faces_
-    std::int32_t crossing;  ///< as TileKernels::cover gives it
+    std::int32_t crossing;  ///< of TileKernels::cover
     float nearest;
   };
 

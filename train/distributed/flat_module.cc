@@ -9,7 +9,7 @@
 namespace volalign {
 namespace {
 
-/// float32 values that a slot of so many takes.
+/// Number of float32 values in a slot for so many.
 std::int64_t SlotValues(std::int64_t values) {
   constexpr std::int64_t kMultiple = FlatModule::kSlotBytes / sizeof(float);
   return (values + kMultiple - 1) / kMultiple * kMultiple;

@@ -11,12 +11,12 @@
 
 namespace volalign {
 
-/// Moves a module's parameters, gradients and (float32) buffers into one flat tensor each, of which
-/// they become views: clipping, optimiser and averaging are then a few operations on long vectors
+/// Moves a module's parameters, gradients and (float32) buffers into one flat tensor each. They
+/// become views of it. Clipping, optimiser and averaging then take a few operations on long vectors
 /// instead of some hundred on short ones. The module must not be moved to another device
 /// afterwards. Convolution weights come first. Each parameter and buffer begins at a multiple of
-/// kSlotBytes, so that vector instructions and cuDNN, which wants 16 bytes, find it aligned; what
-/// lies between them is 0 and stays so.
+/// kSlotBytes, aligned for vector instructions and for cuDNN, which needs 16 bytes. The gaps are 0
+/// and stay so.
 class FlatModule {
  public:
   static constexpr std::int64_t kSlotBytes = 64;  ///< a cache line, and a vector of AVX-512
@@ -27,12 +27,12 @@ class FlatModule {
   at::Tensor& gradients() { return gradients_; }             ///< [N], accumulated by backward()
   at::Tensor& buffers() { return buffers_; }                 ///< [M]
   std::int64_t num_weights() const { return num_weights_; }  ///< leading values that decay
-  /// Where in parameters() the parameter with this number in tensors() begins.
+  /// Begin in parameters() of the parameter with this number in tensors().
   std::int64_t offset(std::size_t parameter) const { return slots_[parameter].offset; }
-  /// The module's parameters in the order in which they lie in parameters().
+  /// The module's parameters in their order in parameters().
   const std::vector<at::Tensor>& tensors() const { return tensors_; }
 
-  /// Views of a vector that is laid out as parameters(), under prefix + parameter name.
+  /// Adds views of a vector with the layout of parameters(), under prefix + parameter name.
   void AddViews(const at::Tensor& flat, const std::string& prefix,
                 std::map<std::string, at::Tensor>* tensors) const;
 

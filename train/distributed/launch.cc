@@ -24,7 +24,7 @@ namespace volalign {
 
 std::vector<std::string> OwnCommand() {
   std::vector<std::string> command = Split(ReadFile("/proc/self/cmdline", kMaxTextBytes), '\0');
-  command.pop_back();  // what stands behind the last zero
+  command.pop_back();  // the part behind the last zero
   return command;
 }
 

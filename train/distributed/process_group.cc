@@ -38,15 +38,14 @@ namespace {
 
 using std::chrono::milliseconds;
 using Store = c10::intrusive_ptr<c10d::Store>;
-// What ProcessGroupGloo and ProcessGroupNCCL are has changed its name.
+// The base class of ProcessGroupGloo and ProcessGroupNCCL has changed its name.
 #if TORCH_VERSION_MAJOR >= 2
 using Backend = c10d::Backend;
 #else
 using Backend = c10d::ProcessGroup;
 #endif
 
-/// So long, or the time limit where that is shorter, the others have to say that they are there,
-/// after one was lost.
+/// Time for the others to answer after one was lost, unless the time limit is shorter.
 constexpr milliseconds kRollCall(10000);
 
 std::string OwnName() {
@@ -65,12 +64,12 @@ Store OpenStore(const World& world, milliseconds timeout) {
   options.port = static_cast<std::uint16_t>(world.port);
   options.isServer = world.rank == 0;
   options.numWorkers = static_cast<std::size_t>(world.size);
-  options.waitWorkers = false;  // Gloo's own meeting waits, with a message of its own
+  options.waitWorkers = false;  // Gloo's own meeting waits, with its own message
   options.timeout = timeout;
 #if TORCH_VERSION_MAJOR * 100 + TORCH_VERSION_MINOR >= 204
   options.useLibUV = false;  // Debian's LibTorch is built without it
 #endif
-  // Threads of the store read what comes from there, and take it for their own.
+  // Threads of the store read everything that arrives there, and trust it.
   ExplainUncaught(
       fmt::format("rank {} talks to {}:{}: is rank 0 of this run there, and no other program?",
                   world.rank, world.address, world.port));
@@ -113,7 +112,7 @@ std::string HereKey(int rank) { return fmt::format("here/{}", rank); }
 
 std::vector<std::uint8_t> Bytes(const std::string& text) { return {text.begin(), text.end()}; }
 
-/// Ranks but the own one that do not answer in time.
+/// Ranks that do not answer in time, without the own one.
 std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds time) {
   std::vector<int> missing;
   for (int r = 0; r < size; ++r) {
@@ -129,7 +128,7 @@ std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds t
       std::this_thread::sleep_for(milliseconds(100));
     }
   } catch (const std::exception&) {
-    return {0};  // which keeps the store, where it is no file
+    return {0};  // rank 0 keeps the store, if it is no file
   }
   return missing;
 }
@@ -139,7 +138,7 @@ std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds t
 struct ProcessGroup::Connection {
   Store store;
   c10::intrusive_ptr<Backend> host;    ///< for tensors in memory
-  c10::intrusive_ptr<Backend> device;  ///< for those on the run's device
+  c10::intrusive_ptr<Backend> device;  ///< for tensors on the run's device
   std::vector<std::string> names;      ///< of the processes, by rank
   int rank = 0;
   milliseconds timeout{0};
@@ -155,7 +154,7 @@ struct ProcessGroup::Connection {
     }
   }
 
-  /// Who is lost. The store may be so, too: its functions might not return.
+  /// The lost processes. The store may be lost, too: its functions might not return.
   std::string Missing() {
     auto answer = std::make_shared<std::promise<std::vector<int>>>();
     std::future<std::vector<int>> future = answer->get_future();
@@ -181,8 +180,8 @@ struct ProcessGroup::Connection {
 bool ProcessGroup::IsBuilt() { return true; }
 
 void ProcessGroup::Connect(const World& world, const at::Device& device, double timeout_s) {
-  // What Gloo writes to a process that has ended is an error with a message, not the end of this
-  // one.
+  // When Gloo writes to a process that has ended, it gets an error with a message, and this process
+  // goes on.
   std::signal(SIGPIPE, SIG_IGN);
   rank_ = world.rank;
   size_ = world.size;

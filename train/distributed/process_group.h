@@ -12,43 +12,42 @@
 
 namespace volalign {
 
-/// Another process is gone, or does not answer any more.
+/// Another process has ended, or does not answer.
 class LostProcess : public Error {
  public:
   using Error::Error;
 };
 
-/// The processes that train one network together, which exchange tensors over sockets (LibTorch's
-/// c10d: Gloo for tensors in memory, NCCL for those on CUDA devices where the build has it). All of
-/// them call the same functions in the same order. Every function throws LostProcess, which names
-/// the processes that do not answer.
+/// The processes that train one network together. They exchange tensors over sockets by LibTorch's
+/// c10d: Gloo for tensors in memory, NCCL for those on CUDA devices if the build has it. All
+/// processes call the same functions in the same order. Every function throws LostProcess with the
+/// processes that do not answer.
 class ProcessGroup {
  public:
-  /// A process alone, for which nothing is to be done.
+  /// A single process, for which all functions do nothing.
   ProcessGroup();
-  /// Joins the others, for which it waits. A process that is not heard of for `timeout_s` seconds
-  /// counts as lost. Throws IoError where they do not meet, ConfigError where this build has no
-  /// c10d.
+  /// Joins the others and waits for them. A process that is silent for `timeout_s` seconds counts
+  /// as lost. Throws IoError if they do not meet, ConfigError if this build has no c10d.
   void Connect(const World& world, const at::Device& device, double timeout_s);
   ~ProcessGroup();
   ProcessGroup(const ProcessGroup&) = delete;
   ProcessGroup& operator=(const ProcessGroup&) = delete;
 
-  /// Whether this build has c10d.
+  /// Has this build c10d?
   static bool IsBuilt();
 
   int rank() const { return rank_; }
   int size() const { return size_; }
   bool leads() const { return rank_ == 0; }
 
-  /// The sum over the processes, in place, the same bits everywhere. Contiguous tensors.
+  /// Replaces a contiguous tensor by its sum over the processes, with the same bits everywhere.
   void Sum(const at::Tensor& tensor);
-  /// The tensor of rank 0, in place. Contiguous tensors.
+  /// Replaces a contiguous tensor by that of rank 0.
   void Broadcast(const at::Tensor& tensor);
-  /// What each process gave, by rank.
+  /// The argument of each process, by rank.
   std::vector<std::string> Gather(const std::string& own);
-  /// What `make` returns in rank 0, where alone it is called. Where it throws, all processes do:
-  /// rank 0 what it threw, the others an Error with its message.
+  /// The result of `make`, which only rank 0 calls. If it throws, all processes do: rank 0 the same
+  /// exception, the others an Error with its message.
   std::string FromLead(const std::function<std::string()>& make);
 
  private:

@@ -6,8 +6,8 @@
 
 namespace volalign {
 
-/// This machine's address, as a number, on the way to rank 0: the one that other machines reach it
-/// at. Throws IoError where rank 0's name has no address or no way leads there.
+/// This machine's numeric address on the way to rank 0, at which other machines reach it. Throws
+/// IoError if rank 0's name has no address or no route leads there.
 std::string AddressTowards(const World& world);
 
 }  // namespace volalign

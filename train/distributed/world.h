@@ -12,8 +12,8 @@ namespace volalign {
 struct World {
   int rank = 0, size = 1;
   int local_rank = 0;  ///< among the processes of this machine
-  /// Where LaunchProcesses has started all on this machine: a file by which they meet, so that
-  /// none of them listens on an address that other machines reach. Else rank 0 listens.
+  /// If LaunchProcesses started all of them on this machine: the file by which they meet. None of
+  /// them then listens on an address that other machines reach. Else rank 0 listens.
   std::string store;
   std::string address;  ///< of rank 0
   int port = 0;         ///< on which rank 0 listens
@@ -25,15 +25,15 @@ std::optional<std::string> ProcessEnvironment(const std::string& name);
 
 inline constexpr char kStoreVariable[] = "VOLALIGN_STORE";
 
-/// As torchrun's variables RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR and MASTER_PORT say; a process
-/// alone where WORLD_SIZE is not set. torchrun's agent listens on MASTER_PORT itself, so that the
-/// processes that it starts take the next port. VOLALIGN_PORT names another one. Processes of
-/// LaunchProcesses have VOLALIGN_STORE instead of an address and a port. Throws ConfigError for a
-/// variable that is missing or no number in its range.
+/// Reads torchrun's variables RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR and MASTER_PORT; a single
+/// process if WORLD_SIZE is not set. The agent of torchrun itself listens on MASTER_PORT, so its
+/// processes take the next port. VOLALIGN_PORT names another one. Processes of LaunchProcesses have
+/// VOLALIGN_STORE instead of an address and a port. Throws ConfigError for a variable that is
+/// missing or no number in its range.
 World ReadWorld(const Environment& environment = ProcessEnvironment);
 
-/// The samples of each batch that fall to a process. Throws ConfigError where there are more
-/// processes than samples.
+/// The samples of each batch for one process. Throws ConfigError if there are more processes than
+/// samples.
 BatchSlice SliceOf(int batch_size, const World& world);
 
 }  // namespace volalign

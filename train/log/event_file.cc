@@ -28,7 +28,7 @@ enum ShapeField { kDimension = 2 };
 enum DimensionField { kSize = 1 };
 constexpr int kStatusStart = 1, kRgb = 3, kStringType = 7, kTensorClass = 2;
 
-/// As all machines that we build for have it.
+/// All supported machines have this byte order.
 template <class T>
 std::string LittleEndian(T value) {
   std::string bytes(sizeof(T), '\0');

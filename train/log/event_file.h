@@ -12,23 +12,24 @@
 
 namespace volalign {
 
-/// Castagnoli's CRC-32, which frames the records of an event file.
+/// Castagnoli's CRC-32, as in the records of an event file.
 std::uint32_t Crc32c(std::string_view bytes);
 
-/// A TensorBoard event file: TFRecord frames of `Event` protocol buffers, as TensorFlow's
-/// record_writer.cc, event.proto and summary.proto define them, written field by field. Events are
-/// flushed one by one. Throws IoError when writing fails.
+/// A TensorBoard event file: TFRecord frames of `Event` protocol buffers, written field by field.
+/// TensorFlow's record_writer.cc, event.proto and summary.proto define them. Events are flushed one
+/// by one. Throws IoError if writing fails.
 class EventFile {
  public:
-  /// A new file in `folder`, which sorts after those of earlier writers, as TensorBoard reads them.
+  /// A new file in `folder`. It sorts after those of earlier writers, in the order in which
+  /// TensorBoard reads them.
   explicit EventFile(const std::filesystem::path& folder);
 
-  /// What earlier files say of `step` and later steps is void: they come again.
+  /// Makes the events of earlier files from `step` on void: they come again.
   void Restart(std::int64_t step);
-  /// Values by tag, all of one step.
+  /// Writes values by tag, all of one step.
   void Scalars(std::int64_t step, const std::vector<std::pair<std::string, double>>& values);
   void Picture(std::int64_t step, const std::string& tag, const RgbImage& picture);
-  /// Shown as Markdown.
+  /// Writes a text, which is shown as Markdown.
   void Text(std::int64_t step, const std::string& tag, const std::string& markdown);
 
   const std::filesystem::path& path() const { return path_; }

@@ -17,16 +17,16 @@ struct StepTimes {
 
 double Total(const StepTimes& times);
 
-/// `all` with the time that is not `data` shared out as `measured` has it: of steps whose parts a
-/// device does while the host is elsewhere, one of which was measured.
+/// Divides the time of `all` that is not `data` in the proportions of `measured`. For steps whose
+/// parts run on a device; one of them was measured.
 StepTimes ShareOut(const StepTimes& all, const StepTimes& measured);
 
-/// What one step measured, or sums over several.
+/// The measurements of one step, or their sums over several.
 struct StepReport {
   std::int64_t steps = 1;
-  std::int64_t skipped = 0;             ///< of them, for a loss or gradient that is not finite
-  double loss = 0;                      ///< this and what follows but `times` of the others alone
-  std::map<std::string, double> terms;  ///< of the loss, by the names that logs have: loss_seg, ...
+  std::int64_t skipped = 0;             ///< steps with a loss or gradient that is not finite
+  double loss = 0;                      ///< from here to gradient_norm: without skipped steps
+  std::map<std::string, double> terms;  ///< of the loss, by their names in logs: loss_seg, ...
   std::int64_t degenerate = 0;          ///< samples that added nothing to loss_3d
   double gradient_norm = 0;             ///< before clipping
   StepTimes times;
@@ -38,11 +38,11 @@ struct SampleScore {
   double rho_m = 0;    ///< horizontal distance of the sensor from the structure's origin
   double loss_seg = 0;
   double miou = 0, miou_authors = 0;
-  bool posed = false;  ///< the predicted keypoints fix a pose; what follows is of posed samples
+  bool posed = false;  ///< the predicted keypoints determine a pose; needed for what follows
   double keypoint_rmse_m = 0, translation_error_m = 0, rotation_error_deg = 0;
 };
 
-/// What the network made of a sample, to be looked at.
+/// A sample with the network's labels, for people.
 struct LabelExample {
   DepthImage depth;
   LabelImage labels, predicted;
@@ -53,39 +53,37 @@ struct ValidationResult {
   int samples = 0;
   double loss_seg = 0;
   std::map<std::string, double> terms;  ///< of the loss, but loss_seg
-  double miou = 0;          ///< over the classes present in an image (core/geometry/metrics.h)
-  double miou_authors = 0;  ///< over all classes
-  int posed = 0;  ///< samples whose predicted keypoints fix a pose (core/geometry/procrustes.h);
-                  ///< without one, the errors below mean nothing and are left out of files
-  double keypoint_rmse_m = 0;             ///< 3D RMSE of aligned keypoints, over posed samples
+  double miou = 0;             ///< over the classes present in an image (core/geometry/metrics.h)
+  double miou_authors = 0;     ///< over all classes
+  int posed = 0;               ///< samples whose predicted keypoints determine a pose
+  double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
   double median_translation_error_m = 0;  ///< over posed samples
   double median_rotation_error_deg = 0;   ///< over posed samples
   std::vector<SampleScore> scores;        ///< of each sample, in order
   std::vector<LabelExample> examples;     ///< the first samples
 };
 
-/// The medians over posed samples for a line of text: "12.3 cm, 0.45 deg", or "-" where there are
-/// none.
+/// The medians over posed samples as text: "12.3 cm, 0.45 deg", or "-" without such samples.
 std::string MedianPoseError(const ValidationResult& result);
 
-/// The means by the names that files give them; those of poses where a sample has one.
+/// The means by their names in files; those of poses only if a sample has one.
 std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result);
 
 /// The best of the validations so far, by miou.
 struct BestValidation {
-  std::int64_t samples = -1;  ///< after which it was; -1: there is none
+  std::int64_t samples = -1;  ///< samples before it; -1: there is none
   double value = 0;
 
-  /// Takes a validation into account; true: it is the best. The earlier of equal ones stays.
+  /// Considers a validation. Returns true if it is the best; the earlier of equal ones stays.
   bool Note(const ValidationResult& result, std::int64_t at_samples);
 };
 
-/// A row of the training's log: means over the steps since the row before.
+/// A row of the training's log: means over the steps since the previous row.
 struct TrainRow {
   std::int64_t step = 0, samples = 0;  ///< so far
   double lr = 0;                       ///< of the last step
-  double samples_per_s = 0;            ///< over the steps alone, validation and saving left out
-  StepReport mean;                     ///< but `steps`, `skipped` and `degenerate`, which are sums
+  double samples_per_s = 0;            ///< over the steps alone, without validation and saving
+  StepReport mean;  ///< except `steps`, `skipped` and `degenerate`, which are sums
 };
 
 struct ValidationRow {
@@ -101,7 +99,7 @@ struct StepMeans {
   StepMeans() { sum.steps = 0; }
 
   void Add(const StepReport& more, std::int64_t more_samples);
-  /// The means; begins anew.
+  /// The means; begins again.
   TrainRow Take(std::int64_t step, std::int64_t samples_so_far, double lr);
 };
 

@@ -18,7 +18,7 @@ constexpr char kStateSuffix[] = ".state";
 /// machine.
 constexpr std::chrono::seconds kLockPatience(10);
 
-/// The number that a state's name is, or -1.
+/// The number in a state's name, or -1.
 std::int64_t SamplesOf(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();
   std::int64_t samples = -1;

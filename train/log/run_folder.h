@@ -9,12 +9,11 @@
 namespace volalign {
 
 /// The folder of a run and the names of its files (docs/training.md). One process at a time trains
-/// in it: the folder is locked while the object lives, and free again when the process ends,
-/// however it ends.
+/// in it. The object locks the folder; the lock ends with the process in any case.
 class RunFolder {
  public:
-  /// Makes the folder where there is none. Waits up to 10 s for a process that trains in it, which
-  /// may just have been killed. Throws IoError.
+  /// Makes a missing folder. Waits up to 10 s for a process that trains in it, which may have been
+  /// killed just now. Throws IoError.
   explicit RunFolder(std::filesystem::path dir);
 
   const std::filesystem::path& dir() const { return dir_; }
@@ -23,15 +22,15 @@ class RunFolder {
   std::filesystem::path tensorboard() const { return dir_ / "tensorboard"; }
   std::filesystem::path model() const { return dir_ / "model.safetensors"; }
   std::filesystem::path best() const { return dir_ / "best.safetensors"; }
-  /// Of the state after so many samples.
+  /// The state after so many samples.
   std::filesystem::path State(std::int64_t samples) const;
 
-  /// Numbers of samples after which there are states, largest first.
+  /// Numbers of samples of the states, largest first.
   std::vector<std::int64_t> States() const;
-  /// Removes all states but the `count` newest.
+  /// Removes all states except the `count` newest.
   void KeepStates(int count) const;
-  /// Removes the states after `samples`, from which the run was not continued, and unfinished files
-  /// that a killed run left.
+  /// Removes the states after `samples`, as the run continues from there, and unfinished files of a
+  /// killed run.
   void BeginAfter(std::int64_t samples) const;
 
  private:

@@ -27,8 +27,8 @@ const std::set<std::string>& KeysWithin() {
   return keys;
 }
 
-/// The runs in and below a folder. What cannot be looked at stands in `passed_over`, with the
-/// reason: it does not keep the others from being found.
+/// Finds the runs in and below a folder. `passed_over` receives those that cannot be read, with the
+/// reason; the others are found all the same.
 void FindRuns(const fs::path& dir, bool below, std::vector<fs::path>* found,
               std::vector<std::string>* passed_over) {
   std::error_code error;
@@ -94,7 +94,7 @@ LoggedRun ReadRun(const fs::path& dir) {
     try {
       AddRow(json::parse(text), &run);
     } catch (const std::exception& e) {
-      if (rows.eof()) break;  // half a row of a run that was killed
+      if (rows.eof()) break;  // an incomplete row of a killed run
       throw DataError(fmt::format("{}:{}: not a row of a training log ({})",
                                   (dir / "metrics.jsonl").string(), number, Shortened(e.what())));
     }

@@ -17,29 +17,29 @@ struct Curve {
   std::vector<double> values;
 };
 
-/// What a run folder tells of its run, finished or not.
+/// The content of a run folder, of a finished or unfinished run.
 struct LoggedRun {
   std::string name;                               ///< the folder, as it was given
   std::map<std::string, std::string> config;      ///< every key of config.yaml, as text
   std::int64_t samples = 0;                       ///< of the last row
   std::map<std::string, Curve> curves;            ///< "train/loss", "validation/miou", ...
   std::map<std::string, std::int64_t> last_rows;  ///< samples of the last row: "train/", ...
-  /// Of the last row of its kind; none where that row does not have it.
+  /// The value in the last row of its kind; nothing if that row does not have it.
   std::optional<double> Last(const std::string& metric) const;
   std::optional<double> SamplesPerSecond() const;  ///< median over the rows
 };
 
-/// Throws IoError where config.yaml or metrics.jsonl is missing, DataError where a row other than
-/// the last is no JSON.
+/// Throws IoError if config.yaml or metrics.jsonl is missing, DataError if a row other than the
+/// last is no JSON.
 LoggedRun ReadRun(const std::filesystem::path& dir);
 
 /// The runs in these folders and below them, in the order of the arguments, below by name. Throws
-/// IoError for a folder that holds none. `passed_over` gets the folders that cannot be looked into,
-/// with the reason.
+/// IoError for a folder without runs. `passed_over` receives the folders that cannot be read, with
+/// the reason.
 std::vector<LoggedRun> ReadRuns(const std::vector<std::string>& folders,
                                 std::vector<std::string>* passed_over = nullptr);
 
-/// Runs whose configurations differ in run.seed alone.
+/// Runs whose configurations differ only in run.seed.
 struct RunGroup {
   std::map<std::string, std::string> differences;  ///< keys that differ between groups
   std::vector<LoggedRun> runs;
@@ -48,9 +48,9 @@ struct RunGroup {
 /// In the order of each group's first run.
 std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs);
 
-/// Leaves of all groups' `differences` those of the `wanted` keys, which need not differ, or, where
-/// none is wanted, the five by which most groups differ. Returns the number of those left out.
-/// Throws ConfigError for a key that no run has.
+/// Keeps only some keys in all groups' `differences`. These are the `wanted` keys, which need not
+/// differ, or else the five keys with the most values. Returns the number of differing keys that
+/// were left out. Throws ConfigError for a key that no run has.
 std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGroup>* groups);
 
 }  // namespace volalign

@@ -26,7 +26,7 @@ constexpr std::array<const char*, 6> kValidationMetrics = {"miou",
 
 Cell CellOf(const std::optional<double>& value) { return value ? Cell(*value) : Cell(); }
 
-/// None where the run's configuration has no such number.
+/// Nothing if the run's configuration has no such number.
 std::optional<double> NumberOf(const LoggedRun& run, const std::string& key) {
   const auto found = run.config.find(key);
   return found == run.config.end() ? std::nullopt : volalign::NumberOf(found->second);
@@ -47,7 +47,8 @@ std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
   return {mean, std::sqrt(squares / static_cast<double>(values.size() - 1))};
 }
 
-/// Half of the 95 % interval of a mean of `n` normal values over their standard error: Student's t.
+/// Half of the 95 % interval of a mean of `n` normal values, divided by their standard error:
+/// Student's t.
 double HalfInterval95(std::size_t n) {
   constexpr std::array<double, 10> kFew = {12.706, 4.303, 3.182, 2.776, 2.571,
                                            2.447,  2.365, 2.306, 2.262, 2.228};
@@ -59,8 +60,8 @@ double HalfInterval95(std::size_t n) {
          (5 * std::pow(kZ, 5) + 16 * std::pow(kZ, 3) + 3 * kZ) / (96 * freedom * freedom);
 }
 
-/// By how much `group` is better or worse in `metric` than `first` with the same seeds: the number
-/// of these seeds, the mean difference and half of its 95 % interval.
+/// Difference of `group` from `first` in `metric` for the same seeds: the number of these seeds,
+/// the mean difference and half of its 95 % interval.
 std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
                                    const std::string& metric) {
   const auto by_seeds = [&](const RunGroup& runs) {

@@ -10,7 +10,7 @@
 
 namespace volalign {
 
-/// Where a run's numbers go while it trains.
+/// A receiver of a run's numbers during training.
 class MetricSink {
  public:
   virtual ~MetricSink() = default;
@@ -18,11 +18,11 @@ class MetricSink {
   virtual void Validation(const ValidationRow& row) = 0;
 };
 
-/// A JSON object a line (docs/formats.md).
+/// One JSON object per line (docs/formats.md).
 class JsonlSink : public MetricSink {
  public:
-  /// Continues a file: keeps its rows up to `samples` and drops those that a killed run wrote after
-  /// its last state, which will come again. Throws IoError.
+  /// Continues a file: keeps its rows up to `samples`. Drops the rows that a killed run wrote after
+  /// its last state, which come again. Throws IoError.
   JsonlSink(const std::filesystem::path& path, std::int64_t samples);
   void Train(const TrainRow& row) override;
   void Validation(const ValidationRow& row) override;
@@ -34,15 +34,15 @@ class JsonlSink : public MetricSink {
   std::ofstream file_;
 };
 
-/// On stderr: a ProgressLine on a terminal, lines elsewhere.
+/// Progress on stderr: a ProgressLine on a terminal, lines elsewhere.
 class ProgressSink : public MetricSink {
  public:
-  /// Of a run of `total` samples.
+  /// `total`: samples of the run.
   explicit ProgressSink(std::int64_t total) : total_(total) { line_.Begin("training"); }
   void Train(const TrainRow& row) override;
   void Validation(const ValidationRow& row) override;
   void Line(const std::string& text);
-  /// Of a validation.
+  /// The progress of a validation.
   CountDone Counter() { return line_.Counter("validation"); }
 
  private:

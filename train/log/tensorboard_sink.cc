@@ -8,7 +8,7 @@
 namespace volalign {
 namespace {
 
-/// Depth is coloured between these, m.
+/// Range of colours for depth, m.
 constexpr double kNear = 0.5, kFar = 4;
 
 }  // namespace

@@ -9,11 +9,12 @@
 
 namespace volalign {
 
-/// Event files for TensorBoard. Its steps are samples, so that runs of different batch sizes
-/// compare.
+/// Event files for TensorBoard. Its steps are samples, so that runs of different batch sizes can be
+/// compared.
 class TensorBoardSink : public MetricSink {
  public:
-  /// A run that has `samples` samples behind it; what was written of later ones will come again.
+  /// `samples`: samples of the run so far. Earlier events of later samples are void, as they come
+  /// again.
   TensorBoardSink(const std::filesystem::path& folder, const std::string& config_yaml,
                   std::int64_t samples);
   void Train(const TrainRow& row) override;
@@ -23,7 +24,7 @@ class TensorBoardSink : public MetricSink {
   EventFile file_;
 };
 
-/// Depth, labels and predicted labels of some samples, a row each.
+/// Depth, labels and predicted labels of some samples, one row per sample.
 RgbImage LabelPictures(const std::vector<LabelExample>& examples);
 
 }  // namespace volalign

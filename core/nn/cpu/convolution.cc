@@ -9,17 +9,17 @@ at::Tensor Convolve(const at::Tensor& x, const at::Tensor& weight, at::ScalarTyp
                     std::int64_t padding, const at::Tensor& bias) {
   const bool one_pixel = weight.size(2) == 1 && weight.size(3) == 1 && x.is_cpu();
   const std::int64_t channels = weight.size(0);
-  // oneDNN 2.6.3 on a processor with AVX512-BF16 gives a wrong gradient of x
-  // where a 1x1 convolution has an odd number of channels, in maps of 90x160 and of other sizes:
-  // one more channel, of zeros.
+  // oneDNN 2.6.3 on a processor with AVX512-BF16 has a fault: a 1x1 convolution with an odd number
+  // of channels has a wrong gradient of x. It was seen in maps of 90x160 and other sizes. So a
+  // channel of zeros is added.
   if (one_pixel && type == at::kBFloat16 && channels % 2 == 1) {
     const at::Tensor even = bias.defined() ? at::constant_pad_nd(bias, {0, 1}) : bias;
     return Convolve(x, at::constant_pad_nd(weight, {0, 0, 0, 0, 0, 0, 0, 1}), type, padding, even)
         .narrow(1, 0, channels);
   }
-  // On one thread, LibTorch computes a 1x1 convolution of a small float32 batch without oneDNN, by
-  // copying the map into a matrix: this makes a whole training step 2.7 times as long. A dilated
-  // one it leaves to oneDNN, and a kernel of one pixel has nothing to dilate.
+  // On one thread, LibTorch computes a 1x1 convolution of a small float32 batch without oneDNN: it
+  // copies the map into a matrix. A whole training step then takes 2.7 times as long. Dilated
+  // convolutions go to oneDNN, and dilation has no effect on a kernel of one pixel.
   return at::conv2d(x.to(type), weight.to(type), bias.defined() ? bias.to(type) : bias,
                     /*stride=*/1, padding, /*dilation=*/one_pixel ? 2 : 1);
 }

@@ -75,7 +75,7 @@ at::Tensor EvenlySpaced(const at::Tensor& x, bool dense) {
       (dense ? stride == x.size(1) : stride >= x.size(1))) {
     return x;
   }
-  // Through an empty tensor: contiguous(ChannelsLast) may keep strides of dimensions of size 1.
+  // By an empty tensor: contiguous(ChannelsLast) may keep strides of dimensions of size 1.
   at::Tensor copy =
       EmptyMap({x.size(0), x.size(1), x.size(2), x.size(3)}, x.size(1), x.scalar_type());
   copy.as_strided_(copy.sizes(),

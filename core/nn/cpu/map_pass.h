@@ -15,11 +15,11 @@ struct MapSize {
   std::int64_t samples, channels, height, width;
 };
 
-/// Of the map that follows from `raw` (NormalizedMap).
+/// Size of the map that follows from `raw` (NormalizedMap).
 MapSize SizeOfMap(const at::Tensor& raw, bool phases);
 
-/// Into so many parts of rows a sample is cut, whatever the number of threads: sums do not depend
-/// on it.
+/// Number of parts of rows of a sample, for any number of threads. So sums do not depend on
+/// threads.
 inline constexpr std::int64_t kMapParts = 4;
 
 inline std::int64_t PartBegin(std::int64_t rows, std::int64_t part) {
@@ -37,8 +37,8 @@ void ForMapParts(std::int64_t samples, std::int64_t rows, const F& f) {
 
 inline bool IsBf16(const at::Tensor& x) { return x.scalar_type() == at::kBFloat16; }
 
-/// z = act(a raw + b), with a [S,C], b [S,C] and the mean [S,C] and deviation's inverse [S,C] that
-/// they follow from.
+/// z = act(a raw + b) with a, b [S,C]. They follow from the mean [S,C] and the inverse deviation
+/// [S,C].
 struct MapAffine {
   at::Tensor a, b, mean, inverse;
 };
@@ -54,7 +54,7 @@ inline char* SampleData(const at::Tensor& x, std::int64_t sample) {
          sample * x.stride(0) * static_cast<std::int64_t>(x.element_size());
 }
 
-/// What the kernels see of a forward or backward pass, for any of its samples.
+/// The arguments of the kernels in a forward or backward pass, for any of its samples.
 struct MapPass {
   at::Tensor raw, raw_gradient, map, mask, pooled, winner;
   MapAffine affine;
@@ -65,14 +65,14 @@ struct MapPass {
   simd::MapRows Rows(std::int64_t sample) const;
 };
 
-/// In channels-last order, not initialised.
+/// A map in channels-last order, not initialised.
 at::Tensor EmptyMap(const MapSize& size, std::int64_t channels, at::ScalarType type);
 
-/// `x` where its channels are adjacent and its pixels evenly spaced, as the kernels need (`dense`:
-/// without gaps); else a copy that is.
+/// `x` if its channels are adjacent and its pixels evenly spaced, as the kernels need (`dense`:
+/// without gaps); else such a copy.
 at::Tensor EvenlySpaced(const at::Tensor& x, bool dense = false);
 
-/// Sum of a number a pixel [S,H,W] over the pixels of each pixel of the mask [S,1,h,w].
+/// Sums one number per pixel [S,H,W] over the pixels of each pixel of the mask [S,1,h,w].
 at::Tensor SumsOverMask(const at::Tensor& pixels, const at::Tensor& mask, const MaskGrid& grid);
 
 }  // namespace volalign

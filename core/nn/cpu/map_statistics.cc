@@ -12,7 +12,7 @@
 namespace volalign {
 namespace {
 
-/// Number, mean and sum of squared deviations of a set of values, to which another's are added
+/// Number, mean and sum of squared deviations of a set of values, which can be joined with another
 /// (Chan, Golub and LeVeque 1979).
 struct Moments {
   double count = 0, mean = 0, squares = 0;

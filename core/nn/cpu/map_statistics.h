@@ -31,21 +31,21 @@ struct MapSums {
   double Second(std::int64_t sample, std::int64_t c) { return Part(sample, 0)[channels + c]; }
 };
 
-/// The statistics that `normalization` needs of the pass's raw map, and what follows from them;
-/// moves the running ones on. Throws Error where batch normalisation sees a single value of a
-/// channel.
+/// Computes the statistics that `normalization` needs of the pass's raw map, and the affine map
+/// from them. Updates the running statistics. Throws Error if batch normalisation has a single
+/// value of a channel.
 MapAffine NormalizeMap(const MapPass& pass, const MapParameters& parameters,
                        Normalization normalization);
 
-/// The gradient of raw is of_g g + of_raw raw + constant, g being that of the normalised map; each
-/// [S,C].
+/// The gradient of raw is of_g g + of_raw raw + constant, where g is the gradient of the normalised
+/// map; each [S,C].
 struct GradientTerms {
   at::Tensor of_g, of_raw, constant;
   at::Tensor scale,
       bias;  ///< gradients of the parameters, [C]; scale undefined without normalisation
 };
 
-/// From the sums over pixels of g (first) and of g (raw - mean) (second).
+/// `sums`: over pixels of g (first) and of g (raw - mean) (second).
 GradientTerms MapGradientTerms(MapSums& sums, const MapPass& pass, const at::Tensor& scale,
                                Normalization normalization);
 

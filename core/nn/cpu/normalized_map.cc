@@ -19,7 +19,7 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Zero where no phase of a map has its place.
+/// Clears the border, where a map has no phase.
 void ClearBorder(const at::Tensor& raw_gradient) {
   for (int dim : {2, 3}) {
     raw_gradient.select(dim, 0).zero_();
@@ -27,7 +27,7 @@ void ClearBorder(const at::Tensor& raw_gradient) {
   }
 }
 
-/// An autograd function takes no undefined tensor: an empty one stands for it.
+/// An autograd function takes no undefined tensor: an empty one replaces it.
 at::Tensor OrEmpty(const at::Tensor& x) { return x.defined() ? x : at::empty({0}, at::kFloat); }
 at::Tensor OrUndefined(const at::Tensor& x) { return x.numel() > 0 ? x : at::Tensor(); }
 

@@ -7,29 +7,29 @@
 
 namespace volalign {
 
-/// What follows a convolution in training on a CPU, in one pass over memory each way instead of one
-/// for every operation: normalisation with the batch's statistics, ReLU, and what comes after them.
-/// Everything is in channels-last order. The result is that of the single operations within
-/// rounding: sums are taken in float64, and nothing is rounded to bfloat16 between normalisation,
-/// ReLU and mask.
+/// The operations after a convolution in training on a CPU: normalisation with the batch's
+/// statistics, ReLU, and the following ones. Each direction is one pass over memory instead of one
+/// per operation. Everything is in channels-last order. The result equals that of the single
+/// operations within rounding: sums are float64, and nothing is rounded to bfloat16 between
+/// normalisation, ReLU and mask.
 struct MapRecipe {
   Normalization normalization = Normalization::kNone;
   bool relu = true;
-  /// The map is twice as large as the convolution's output, which holds the four phases of its
-  /// pixels (core/nn/cpu/phase_weight.h).
+  /// The map is twice as large as the convolution's output, which has the four phases of its pixels
+  /// (core/nn/cpu/phase_weight.h).
   bool phases = false;
   at::ScalarType type = at::kFloat;  ///< of the result: kFloat or kBFloat16
 };
 
-/// The parameters of a ConvUnit but for its weight.
+/// The parameters of a ConvUnit except its weight.
 struct MapParameters {
   at::Tensor scale;                      ///< [C], undefined without normalisation
   at::Tensor bias;                       ///< [C]
-  at::Tensor running_mean, running_var;  ///< [C], moved on by kBatch, else undefined
+  at::Tensor running_mean, running_var;  ///< [C], updated by kBatch, else undefined
 };
 
-/// z [B,C,H,W] of a convolution's output without bias, raw [B,C,H,W], or [B,4C,H/2+1,W/2+1] with
-/// phases, times the nearest pixel of `mask` [B,1,h,w] if that is defined.
+/// z [B,C,H,W] from a convolution's output without bias: raw [B,C,H,W], or [B,4C,H/2+1,W/2+1] with
+/// phases. Times the nearest pixel of `mask` [B,1,h,w] if defined.
 at::Tensor NormalizedMap(const at::Tensor& raw, const MapParameters& parameters,
                          const MapRecipe& recipe, const at::Tensor& mask = {});
 

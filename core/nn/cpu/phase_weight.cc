@@ -13,12 +13,12 @@ namespace {
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Which of the two taps a tap of the 3x3 kernel falls on, for the first and the second pixel of a
+/// Which of the two taps contains a tap of the 3x3 kernel, for the first and the second pixel of a
 /// pair.
 constexpr int kTap[2][3] = {{0, 1, 1}, {0, 0, 1}};
 
-/// Calls f(kernel, phases) for the kernel of each output channel o and input channel: its index in
-/// [C,I], and the indices of its four phases' kernels in [4C,I].
+/// Calls f(kernel, phases) for each output channel o and input channel. `kernel`: the index in
+/// [C,I]. `phases`: the indices of its four phases in [4C,I].
 template <class F>
 void ForKernels(std::int64_t out, std::int64_t in, const F& f) {
   ForEachOnTorchThreads(out, [&](std::int64_t o) {
@@ -31,7 +31,7 @@ void ForKernels(std::int64_t out, std::int64_t in, const F& f) {
   });
 }
 
-// As loops: a product of matrices would wake the threads of the matrix library, which go on waiting
+// As loops: a product of matrices would wake the threads of the matrix library. These go on waiting
 // for work on processors that LibTorch's threads need.
 class PhaseWeightFunction : public torch::autograd::Function<PhaseWeightFunction> {
  public:

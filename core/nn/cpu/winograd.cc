@@ -14,18 +14,18 @@
 namespace volalign {
 namespace {
 
-/// Of the convolution forward.
+/// Padding of the forward convolution.
 constexpr std::int64_t kPadding = 1;
 
 using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 
-/// Numbers of channels have to divide by it, and as many input channels of a weight are transformed
-/// at a time.
+/// Numbers of channels have to be multiples of it. Weights are transformed for so many input
+/// channels at a time.
 constexpr std::int64_t kChannels = 16;
-/// Tiles that the kernels do without a rest.
+/// Number of tiles that the kernels compute without a rest.
 constexpr std::int64_t kTiles = 24;
-/// So many input channels a thread are worth transforming all of y's gradient for them alone.
+/// From so many input channels per thread on, a thread transforms all of y's gradient for its own.
 constexpr std::int64_t kChannelsOfThread = 128;
 
 const simd::WinogradKernels& KernelsFor(const at::Tensor& x) {
@@ -41,8 +41,8 @@ simd::WinogradMaps MapsOf(const at::Tensor& x, std::int64_t out, std::int64_t ke
 
 at::Tensor Bytes(std::int64_t count) { return at::empty({count}, at::kByte); }
 
-/// The convolution of x with weight or, if `backward`, the gradient of the input of one whose
-/// output's gradient is x.
+/// The convolution of x with weight. If `backward`, the gradient of a convolution's input, where x
+/// is the gradient of its output.
 at::Tensor Compute(const at::Tensor& x, const at::Tensor& weight, bool backward) {
   const simd::WinogradKernels& kernels = KernelsFor(x);
   const std::int64_t kernel = weight.size(2);
@@ -67,8 +67,8 @@ at::Tensor Compute(const at::Tensor& x, const at::Tensor& weight, bool backward)
   return y;
 }
 
-/// The gradient [O,I,k,k] of the weight. The work is cut into ranges of input channels and, where
-/// there are few, into parts of the maps, whose sums are added.
+/// The gradient [O,I,k,k] of the weight. The work is divided into ranges of input channels. If
+/// these are few, the maps are divided into parts, too, whose sums are added.
 at::Tensor WeightGradient(const at::Tensor& x, const at::Tensor& of_y, std::int64_t kernel) {
   const simd::WinogradKernels& kernels = KernelsFor(x);
   simd::WinogradMaps maps = MapsOf(x, of_y.size(1), kernel, kPadding);

@@ -4,13 +4,13 @@
 
 namespace volalign::simd {
 
-/// Rows of a feature map in channels-last order, and what lies around it. Plain pointers, so that
+/// Rows of a feature map in channels-last order, and the arrays around it. Plain pointers, so that
 /// the kernels can be compiled for several instruction sets without sharing an inline function with
 /// the rest of the program.
 ///
-/// `raw` is a convolution's output. Normalised and activated it is the map z: z = act(a raw + b)
-/// mask, a and b [C] of the sample, act = max(., 0) or nothing, mask one number a pixel or nothing.
-/// If `phases`, raw [h+1,w+1,2,2,C] holds what becomes z [2h,2w,C]: pixel (2y+i, 2x+j) lies at
+/// `raw` is a convolution's output. The map is z = act(a raw + b) mask, where a and b are [C] of
+/// the sample. The function act is max(., 0) or nothing. The mask is one number per pixel or
+/// nothing. If `phases`, raw [h+1,w+1,2,2,C] becomes z [2h,2w,C]: pixel (2y+i, 2x+j) lies at
 /// raw[y+i][x+j][i][j].
 struct MapRows {
   std::int64_t width = 0, channels = 0;  ///< of z
@@ -29,14 +29,13 @@ struct MapRows {
   std::int64_t pooled_height = 0, pooled_width = 0;
 };
 
-/// The pixels of a sample in the training loss: log_probs [K,plane], their labels [plane] in [0,
-/// K), and depth [plane] and rays [2,plane], of which the point of a pixel is (rx z, ry z, z), z
-/// being 0 where there is no depth.
+/// The pixels of a sample in the training loss: log_probs [K,plane], labels [plane] in [0, K),
+/// depth [plane] and rays [2,plane]. The point of a pixel is (rx z, ry z, z); z is 0 without depth.
 ///
-/// Sums, each added to: for label k > 0, sums[4k-4 .. 4k) of exp(log_probs[k]) (x, y, z, 1) over
-/// the pixels with depth; then [K] of -log_probs[label] by label, [K] the number of pixels by
-/// label, [K] that of those with depth, and the number of labels outside [0, K), whose pixels count
-/// in none.
+/// Sums, each added to, in this order. First, for label k > 0, sums[4k-4 .. 4k) of
+/// exp(log_probs[k]) (x, y, z, 1) over the pixels with depth. Then, by label, [K] of
+/// -log_probs[label], [K] the number of pixels, and [K] the number of those with depth. Last, the
+/// number of labels outside of [0, K), whose pixels count nowhere else.
 struct PixelSums {
   std::int64_t classes = 0, plane = 0;
   const float *log_probs = nullptr, *depth = nullptr, *rays = nullptr;
@@ -55,8 +54,8 @@ struct MapKernels {
   void (*apply)(const MapRows&, std::int64_t begin, std::int64_t end);
   /// Fills pooled and winner from map; begin is even.
   void (*pool)(const MapRows&, std::int64_t begin, std::int64_t end);
-  /// With g the gradient of a raw + b: sums[0..C) of g, sums[C..2C) of g (raw - shift);
-  /// mask_gradient [H,W] of the sample, a number a pixel, if there is a mask.
+  /// g is the gradient of a raw + b. sums[0..C) of g, sums[C..2C) of g (raw - shift). If there is a
+  /// mask, mask_gradient [H,W] of the sample, one number per pixel.
   void (*gradient_sums)(const MapRows&, std::int64_t begin, std::int64_t end, const float* shift,
                         double* sums, float* mask_gradient);
   /// Fills raw_gradient = of_g g + of_raw raw + constant, each [C] of the sample.
@@ -74,13 +73,13 @@ struct MapKernels {
 
   /// Pixels [begin, end) of the training loss; see PixelSums.
   void (*pixel_sums)(const PixelSums&, std::int64_t begin, std::int64_t end, double* sums);
-  /// Fills gradient [K,plane]: for label k, exp(log_probs[k]) (of[4k-4] x + of[4k-3] y + of[4k-2] z
-  /// + of[4k-1]) where z > 0 and k > 0, plus of_label[k] where k is the pixel's label.
+  /// Fills gradient [K,plane] for label k. If z > 0 and k > 0, it is exp(log_probs[k]) (of[4k-4] x
+  /// + of[4k-3] y + of[4k-2] z + of[4k-1]). If k is the pixel's label, of_label[k] is added.
   void (*pixel_gradient)(const PixelSums&, std::int64_t begin, std::int64_t end, const float* of,
                          const float* of_label, float* gradient);
 };
 
-/// Those for this processor's instructions.
+/// The kernels for this processor's instructions.
 const MapKernels& Kernels();
 
 }  // namespace volalign::simd

@@ -15,7 +15,7 @@ namespace avx512bf16_winograd {
 WinogradKernels GetWinograd();
 }
 
-// Each GetWinograd is compiled for its instruction set and called only where the processor has it.
+// Each GetWinograd is compiled for its instruction set and called only if the processor has it.
 const WinogradKernels* FindWinogradKernels(bool bf16) {
   const Processor& processor = ThisProcessor();
   if (bf16) {

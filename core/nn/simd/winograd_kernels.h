@@ -4,14 +4,14 @@
 
 namespace volalign::simd {
 
-/// Values between what lies in memory for one position of a tile and for the next, so that the
-/// positions do not fall on the same lines of the cache.
+/// Number of values between the data of one position of a tile and of the next. So the positions do
+/// not fall on the same cache lines.
 inline constexpr std::int64_t kPositionGap = 64;
 
 /// Maps of a convolution at stride 1 in channels-last order: x [samples,height,width,in], with
 /// `padding` pixels of zeros around it, and y [samples,y_height,y_width,out]. `in` and `out` are
 /// multiples of 16. Its functions are always inline: the linker would keep one copy of each, which
-/// could be one with instructions that the processor lacks.
+/// could have instructions that the processor lacks.
 struct WinogradMaps {
   std::int64_t kernel = 3;  ///< its height and width: 2 or 3
   std::int64_t padding = 1;
@@ -22,10 +22,10 @@ struct WinogradMaps {
 
   [[gnu::always_inline]] std::int64_t y_height() const { return height + 2 * padding - kernel + 1; }
   [[gnu::always_inline]] std::int64_t y_width() const { return width + 2 * padding - kernel + 1; }
-  /// Values of a tile, for each of which there is a product of matrices.
+  /// Number of values in a tile. There is a product of matrices for each.
   [[gnu::always_inline]] std::int64_t positions() const { return (kernel + 1) * (kernel + 1); }
-  /// Values from one position of the transformed weight or of the sums for its gradient to the
-  /// next: with a gap, so that the positions do not fall on the same lines of the cache.
+  /// Values from one position to the next of the transformed weight, or of the sums for its
+  /// gradient. Includes kPositionGap.
   [[gnu::always_inline]] std::int64_t position_stride() const { return in * out + kPositionGap; }
   /// Outputs are computed in tiles of 2x2 pixels, in row-major order, sample by sample.
   [[gnu::always_inline]] std::int64_t tile_rows() const { return (y_height() + 1) / 2; }
@@ -33,30 +33,28 @@ struct WinogradMaps {
   [[gnu::always_inline]] std::int64_t tiles() const {
     return samples * tile_rows() * tile_columns();
   }
-  /// The gradient of the weight is summed up over pairs of tiles: their number.
+  /// Number of pairs of tiles. The gradient of the weight is a sum over these.
   [[gnu::always_inline]] std::int64_t pairs() const {
     return samples * tile_rows() * ((tile_columns() + 1) / 2);
   }
 };
 
 /// The algorithms F(2x2, 3x3) and F(2x2, 2x2) of Lavin and Gray, Fast Algorithms for Convolutional
-/// Neural Networks (CVPR 2016): 16 multiplications for four outputs and a pair of channels instead
-/// of 36, or 9 instead of 16. Values of all maps and of the transformed weight are of the type that
-/// the kernels are for; sums are float32.
+/// Neural Networks (CVPR 2016). They take 16 multiplications for four outputs and a pair of
+/// channels instead of 36, or 9 instead of 16. Values of all maps and of the transformed weight are
+/// of the kernels' type; sums are float32.
 struct WinogradKernels {
-  /// Input channels [begin, end), an even number of them, of the transformed weight
-  /// [positions,position_stride], from `weight` [out,in,kernel,kernel]. If `backward`, from a
-  /// `weight` [in,out,kernel,kernel] whose convolution's gradient of the input is wanted.
+  /// Transforms input channels [begin, end), an even number, to [positions,position_stride], from
+  /// `weight` [out,in,kernel,kernel]. If `backward`, from a `weight` [in,out,kernel,kernel], for
+  /// the gradient of that convolution's input.
   void (*transform_weight)(const WinogradMaps& maps, const float* weight, bool backward,
                            std::int64_t begin, std::int64_t end, void* result);
-  /// Tiles [begin, end) of y; a number that divides by 24 is done fastest. `scratch` has
-  /// scratch_bytes(maps) bytes.
+  /// Tiles [begin, end) of y. Multiples of 24 are fastest. `scratch` has scratch_bytes(maps) bytes.
   void (*convolve)(const WinogradMaps& maps, std::int64_t begin, std::int64_t end, void* scratch);
   std::int64_t (*scratch_bytes)(const WinogradMaps& maps);
 
   /// Fills input channels [first, last), multiples of 16, of sums [positions,in,out]
-  /// (position_stride) from y's
-  /// gradient and x in pairs [begin, end), begin < end. `scratch` has
+  /// (position_stride) from y's gradient and x in pairs [begin, end), begin < end. `scratch` has
   /// gradient_scratch_bytes(maps, last - first) bytes.
   void (*weight_gradient_sums)(const WinogradMaps& maps, std::int64_t begin, std::int64_t end,
                                std::int64_t first, std::int64_t last, void* scratch, float* sums);
@@ -67,8 +65,8 @@ struct WinogradKernels {
                           std::int64_t end, float* gradient);
 };
 
-/// Those for float32 or bfloat16 and this processor's instructions, or none: no AVX2, no
-/// AVX512-BF16, or AMX, whose matrix instructions make the direct convolution the faster one.
+/// The kernels for float32 or bfloat16 and this processor's instructions. None without AVX2 or
+/// AVX512-BF16, or with AMX, whose matrix instructions make the direct convolution faster.
 const WinogradKernels* FindWinogradKernels(bool bf16);
 
 }  // namespace volalign::simd
