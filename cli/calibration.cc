@@ -136,10 +136,9 @@ std::vector<std::string> NextCommands(const CalibrationRequest& request) {
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option(
          "--model", request->model,
-         "checkpoint, or its ONNX export. shipped: the program's own "
-         "(models/m05-lite.safetensors), "
-         "or none if it does not know the structure. none: poses come from the structure's shape "
-         "alone")
+         "checkpoint, or its ONNX export. shipped: the program's own, models/m05-lite.safetensors, "
+         "or none if that does not know the structure. none: poses come from the structure's "
+         "shape alone")
       ->capture_default_str();
   app->add_option("--structure", request->structure,
                   "the structure (.yaml); without it the capture's, else the model's");
@@ -192,9 +191,8 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   if (!structure && request.last_structure &&
       request.last_structure->sha256 != out.structure.Hash()) {
     throw ConfigError(
-        fmt::format("the last calibration has the structure \"{}\", the model knows \"{}\", and "
-                    "the capture names "
-                    "none; give the structure of the last calibration with --structure",
+        fmt::format("the last calibration has the structure \"{}\", and the model knows \"{}\"; "
+                    "the capture names none: give that of the last calibration with --structure",
                     request.last_structure->name, out.structure.name()));
   }
   WarnOf(out.structure);

@@ -42,8 +42,9 @@ struct Located {
   std::vector<Pose> first_from_stack;
 };
 
-PerFrame<LocateResult> Without(PerFrame<LocateResult> results, const SomeFrames<Finding>& aside) {
-  for (const auto& [id, finding] : aside) results[id] = finding;
+PerFrame<LocateResult> Without(PerFrame<LocateResult> results,
+                               const SomeFrames<Finding>& excluded) {
+  for (const auto& [id, finding] : excluded) results[id] = finding;
   return results;
 }
 
@@ -109,7 +110,7 @@ SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrame
   for (auto& [id, frame] : frames) {
     if (poses.count(id) > 0) {
       frame.noise = found->noise;
-      frame.aside = found->refused_fit.has_value();
+      frame.excluded = found->refused_fit.has_value();
     }
     ++found;
   }
@@ -117,13 +118,13 @@ SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrame
 }
 
 /// The frames, excluded or not as the last refinement of `before` found.
-SomeFrames<FrameInput> AsideAsBefore(SomeFrames<FrameInput> frames,
-                                     const SomeFrames<FrameInput>& before,
-                                     const RefineResult& refined) {
+SomeFrames<FrameInput> ExcludedAsBefore(SomeFrames<FrameInput> frames,
+                                        const SomeFrames<FrameInput>& before,
+                                        const RefineResult& refined) {
   auto found = refined.frames.begin();
   for (const auto& [id, frame] : before) {
     if (const auto same = frames.find(id); same != frames.end())
-      same->second.aside = found->refused_fit.has_value();
+      same->second.excluded = found->refused_fit.has_value();
     ++found;
   }
   return frames;
@@ -292,7 +293,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
     }
     SomeFrames<FrameInput> again = FramesToRefine(seen, located.results);
     setup = RefineSetup(options.refine);
-    frames = looks > 1 ? AsideAsBefore(std::move(again), frames, refined) : std::move(again);
+    frames = looks > 1 ? ExcludedAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();
     labelled = 0;
   }

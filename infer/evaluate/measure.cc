@@ -107,8 +107,7 @@ std::vector<Still> StillsOf(const EvaluationStill& still) {
 }
 
 /// `i`: index of the sensor's frame.
-EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const EvaluationStill& still,
-                        const InitialPoseOptions& options) {
+EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const EvaluationStill& still) {
   const SensorFrame& frame = still.frames[i];
   EvaluatedSensor sensor;
   sensor.name = result.name;
@@ -142,7 +141,7 @@ std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
     one.variant = variant.name;
     one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};
     for (std::size_t i = 0; i < calibration.sensors.size(); ++i) {
-      one.results.push_back(Measure(calibration.sensors[i], i, still, variant.options.initial));
+      one.results.push_back(Measure(calibration.sensors[i], i, still));
     }
     cases.push_back(std::move(one));
   }

@@ -110,7 +110,7 @@ std::vector<PoseCandidate> PosesOfTrials(const SensorView& view, const Structure
 
 void WeighPoses(const SensorView& view, const Structure& structure,
                 const std::vector<StructureAlias>& aliases, const std::vector<PoseTrial>& trials,
-                const InitialPoseOptions& initial, std::vector<PoseCandidate>* poses) {
+                std::vector<PoseCandidate>* poses) {
   const DecimatedTrials coarse = DecimateTrials(view, trials);
   std::vector<Pose> rivals;
   for (const PoseCandidate& pose : *poses) rivals.push_back(pose.structure_from_sensor);

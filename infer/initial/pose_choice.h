@@ -81,6 +81,6 @@ std::vector<PoseCandidate> PosesOfTrials(const SensorView& view, const Structure
 /// do not count. Beyond the distances that it was trained for, a network labels the room.
 void WeighPoses(const SensorView& view, const Structure& structure,
                 const std::vector<StructureAlias>& aliases, const std::vector<PoseTrial>& trials,
-                const InitialPoseOptions& initial, std::vector<PoseCandidate>* poses);
+                std::vector<PoseCandidate>* poses);
 
 }  // namespace volalign

@@ -42,7 +42,7 @@ std::vector<PoseCandidate> FindCompetitors(const SensorView& view, const Structu
       poses.push_back(proposal);
     }
   }
-  WeighPoses(view, structure, aliases, trials, initial, &poses);
+  WeighPoses(view, structure, aliases, trials, &poses);
   return poses;
 }
 

@@ -75,8 +75,7 @@ double ShareInView(const PlannedSensor& sensor, const Structure& structure) {
   return seen > 0 ? static_cast<double>(inside) / seen : 0;
 }
 
-void CountSides(const LabelImage& labels, const Structure& structure,
-                const InitialPoseOptions& options, PlannedSensor* sensor) {
+void CountSides(const LabelImage& labels, const Structure& structure, PlannedSensor* sensor) {
   const std::vector<std::string> names = structure.SideNames();
   std::vector<int> pixels(names.size() + 1, 0);
   for (const std::uint8_t label : labels) ++pixels[label];
@@ -141,8 +140,7 @@ RigPlan PlanRig(const Rig& rig, int trials, CalibrateOptions options, const Coun
     TrueLabels labels(planned);
     const CalibrationResult result = Calibrate(frames, plan.structure, labels, options);
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
-      if (trial == 0)
-        CountSides(planned[i].labels, plan.structure, options.initial, &plan.sensors[i]);
+      if (trial == 0) CountSides(planned[i].labels, plan.structure, &plan.sensors[i]);
       AddTrial(result.sensors[i], &plan.sensors[i]);
     }
     if (trial == 0) plan.pairs = result.pairs;

@@ -29,7 +29,6 @@ constexpr double kMostVarianceFactor = 3;
 OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
                                std::size_t frame) {
   const FrameParameters parameters = solution.state.Parameters(frame);
-  OwnMeasurements own{problem.layout.ColumnsOf(frame), {}, {}};
   std::vector<Eigen::Index> all(
       static_cast<std::size_t>(FrameColumns::kBoxes + problem.model.size().parameters()));
   std::iota(all.begin(), all.end(), 0);
@@ -37,70 +36,59 @@ OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solu
   Eigen::MatrixXd over_blocks;
   WhitenedResiduals(problem.model, solution.observed[frame], parameters, all, &r, &over_blocks);
   const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
-  own.information = j.transpose() * j;
-  own.gradient = j.transpose() * r;
-  return own;
+  return {problem.layout.ColumnsOf(frame), {j.transpose() * j, j.transpose() * r}};
 }
 
 Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predicted,
                         const QuadraticCost& priors, const std::vector<char>& constant) {
-  const auto precision = [&](Eigen::Index column) {
-    return 1 / Square(priors.prior_sigmas[column]);
-  };
-  // Indices among the frame's columns: shared with others' measurements, and the frame's own.
-  std::vector<Eigen::Index> shared, alone;
+  // The frame's parameters that others determine, too, among its columns and among all; its own
+  // ones, among its columns, with their priors; and the others' own ones, among all.
+  std::vector<Eigen::Index> shared, shared_columns, alone, others;
+  NormalEquations with_priors = own.normal;
+  std::vector<char> is_free(constant.size());
+  for (std::size_t k = 0; k < constant.size(); ++k) is_free[k] = !constant[k];
   for (std::size_t k = 0; k < own.columns.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
     const Eigen::Index column = own.columns[k];
     if (constant[static_cast<std::size_t>(column)]) continue;
+    const double precision = 1 / Square(priors.prior_sigmas[column]);
     // Known better than by its prior, up to rounding.
-    const bool told = predicted.information(column, column) >
-                      (1 + std::numeric_limits<float>::epsilon()) * precision(column);
-    (told ? shared : alone).push_back(static_cast<Eigen::Index>(k));
+    if (predicted.information(column, column) >
+        (1 + std::numeric_limits<float>::epsilon()) * precision) {
+      shared.push_back(i);
+      shared_columns.push_back(column);
+      is_free[static_cast<std::size_t>(column)] = 0;
+    } else {
+      alone.push_back(i);
+      with_priors.information(i, i) += precision;
+      with_priors.gradient[i] += precision * priors.values[column];
+    }
   }
-  std::vector<Eigen::Index> free;
-  for (Eigen::Index k = 0; k < predicted.gradient.size(); ++k) {
-    if (!constant[static_cast<std::size_t>(k)]) free.push_back(k);
+  for (std::size_t k = 0; k < is_free.size(); ++k) {
+    if (is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
   }
-  // The frame's evidence about shared parameters, with its own ones at their most probable values.
-  Eigen::MatrixXd rest = own.information(alone, alone);
-  Eigen::VectorXd pull = own.gradient(alone);
-  for (std::size_t k = 0; k < alone.size(); ++k) {
-    const Eigen::Index column = own.columns[static_cast<std::size_t>(alone[k])];
-    const auto i = static_cast<Eigen::Index>(k);
-    rest(i, i) += precision(column);
-    pull[i] += precision(column) * priors.values[column];
-  }
-  const std::optional<CholeskyFactor> rest_factor = Factor(rest),
-                                      factor = Factor(predicted.information(free, free));
-  if (!rest_factor || !factor || shared.empty()) return {};
-  const Eigen::MatrixXd cross = own.information(alone, shared);
-  std::vector<Eigen::Index> columns;
-  for (const Eigen::Index k : shared) columns.push_back(own.columns[static_cast<std::size_t>(k)]);
-  const Eigen::VectorXd unit = priors.prior_sigmas(columns);
-  const Eigen::MatrixXd information =
-      unit.asDiagonal() *
-      (own.information(shared, shared) - cross.transpose() * rest_factor->solve(cross)) *
-      unit.asDiagonal();
-  const Eigen::VectorXd gradient = unit.cwiseProduct(
-      own.gradient(shared) - cross.transpose() * Eigen::VectorXd(rest_factor->solve(pull)));
-  if (!information.allFinite() || !gradient.allFinite()) return {};
+  if (shared.empty()) return {};
+  const std::optional<NormalEquations> said = Marginal(with_priors, shared, alone),
+                                       known = Marginal(predicted, shared_columns, others);
+  const std::optional<CholeskyFactor> factor = known ? Factor(known->information) : std::nullopt;
+  if (!said || !factor) return {};
+  const Eigen::VectorXd unit = priors.prior_sigmas(shared_columns);
+  const Eigen::MatrixXd information = unit.asDiagonal() * said->information * unit.asDiagonal();
+  if (!information.allFinite() || !said->gradient.allFinite()) return {};
   // Along the eigenvectors the frame measures independent numbers, each with a variance of 1.
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(information);
-  const Eigen::Index told = (solver.eigenvalues().array() > kNotable).count();
-  if (told == 0) return {};
-  const Eigen::VectorXd roots = solver.eigenvalues().tail(told).cwiseSqrt();
-  const Eigen::MatrixXd vectors = solver.eigenvectors().rightCols(told);
-  Eigen::MatrixXd by_all = Eigen::MatrixXd::Zero(told, predicted.gradient.size());
-  by_all(Eigen::all, columns) =
-      roots.asDiagonal() * vectors.transpose() * unit.cwiseInverse().asDiagonal();
-  const Eigen::MatrixXd by = by_all(Eigen::all, free);
+  const Eigen::Index count = (solver.eigenvalues().array() > kNotable).count();
+  if (count == 0) return {};
+  const Eigen::VectorXd roots = solver.eigenvalues().tail(count).cwiseSqrt();
+  const Eigen::MatrixXd vectors = solver.eigenvectors().rightCols(count).transpose();
+  const Eigen::MatrixXd by = roots.asDiagonal() * vectors * unit.cwiseInverse().asDiagonal();
   const Eigen::VectorXd innovation =
-      roots.cwiseInverse().asDiagonal() * (vectors.transpose() * gradient) -
-      by * factor->solve(Eigen::VectorXd(predicted.gradient(free)));
+      roots.cwiseInverse().asDiagonal() * (vectors * unit.cwiseProduct(said->gradient)) -
+      by * factor->solve(known->gradient);
   Eigen::MatrixXd covariance = by * factor->solve(Eigen::MatrixXd(by.transpose()));
   covariance.diagonal().array() += 1;
   const double cost = 0.5 * innovation.dot(covariance.ldlt().solve(innovation));
-  return std::isfinite(cost) ? Disagreement{cost, static_cast<std::size_t>(told)} : Disagreement();
+  return std::isfinite(cost) ? Disagreement{cost, static_cast<std::size_t>(count)} : Disagreement();
 }
 
 double UnlikelyCost(std::size_t predicted) {
@@ -150,8 +138,8 @@ struct CostByFrame {
     return Innovation(*own[frame], other, all, constant);
   }
   static void Add(const OwnMeasurements& own, double times, NormalEquations* normal) {
-    normal->information(own.columns, own.columns) += times * own.information;
-    normal->gradient(own.columns) += times * own.gradient;
+    normal->information(own.columns, own.columns) += times * own.normal.information;
+    normal->gradient(own.columns) += times * own.normal.gradient;
   }
 
   QuadraticCost all;
@@ -220,12 +208,12 @@ bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
   std::map<int, std::pair<int, int>> of_sensor;  // its frames, and the excluded ones
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!takes_part[i]) continue;
-    auto& [frames, aside] = of_sensor[agreed.solution.state.SensorOf(i)];
+    auto& [frames, excluded] = of_sensor[agreed.solution.state.SensorOf(i)];
     ++frames;
-    aside += agreed.of[i] || i == frame ? 1 : 0;
+    excluded += agreed.of[i] || i == frame ? 1 : 0;
   }
-  const auto& [frames, aside] = of_sensor[agreed.solution.state.SensorOf(frame)];
-  if (frames >= 3 && 2 * aside < frames) return true;
+  const auto& [frames, excluded] = of_sensor[agreed.solution.state.SensorOf(frame)];
+  if (frames >= 3 && 2 * excluded < frames) return true;
   const auto doubted = std::count_if(of_sensor.begin(), of_sensor.end(),
                                      [](const auto& sensor) { return sensor.second.second > 0; });
   return 2 * static_cast<std::size_t>(doubted) < of_sensor.size();
@@ -266,9 +254,9 @@ std::optional<Solution> SolveWithout(const JointProblem& problem, const FreeSet&
   return SolveAnew(problem, asked_for, std::move(solution));
 }
 
-/// SetAsideDisagreeing for a solution in which all of `asked_for` may be free.
-Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, Solution solution) {
-  Agreed agreed{std::move(solution), std::vector<std::optional<SetAside>>(problem.size()),
+/// ExcludeDisagreeing for a solution in which all of `asked_for` may be free.
+Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, Solution solution) {
+  Agreed agreed{std::move(solution), std::vector<std::optional<ExcludedFrame>>(problem.size()),
                 std::vector<Disagreement>(problem.size())};
   std::vector<char> takes_part, settled(problem.size(), 0);  // settled: cannot be solved alone
   for (const char held : agreed.solution.held) takes_part.push_back(held ? 0 : 1);
@@ -284,12 +272,12 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
     std::optional<std::size_t> worst;
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.held[i] || settled[i] ||
-          !problem.frames[i].aside.value_or(Disagrees(agreed.measured[i])))
+          !problem.frames[i].excluded.value_or(Disagrees(agreed.measured[i])))
         continue;
       if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
     }
     if (!worst) break;
-    if (!problem.frames[*worst].aside) {
+    if (!problem.frames[*worst].excluded) {
       const std::size_t odd = FindOddOne(problem, agreed, *worst);
       if (!settled[odd]) worst = odd;
     }
@@ -305,10 +293,11 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
     }
     const QuadraticCost own = CostAround(problem, *alone);
     const Eigen::Index column = problem.layout.Pose(*worst);
-    agreed.of[*worst] = SetAside{agreed.solution.state.poses[*worst].ToPose(),
-                                 FindContradicted(problem, cost, *worst), std::move(alone->state),
-                                 ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
-                                     .covariance.block<6, 6>(column, column)};
+    agreed.of[*worst] =
+        ExcludedFrame{agreed.solution.state.poses[*worst].ToPose(),
+                      FindContradicted(problem, cost, *worst), std::move(alone->state),
+                      ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
+                          .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);
   }
   return agreed;
@@ -316,14 +305,14 @@ Agreed SetAsideOneByOne(const JointProblem& problem, const FreeSet& asked_for, S
 
 }  // namespace
 
-Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
-                           Solution solution) {
+Agreed ExcludeDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
+                          Solution solution) {
   const FreeSet tested = WithBuild(problem, asked_for);
   if (tested.boxes == asked_for.boxes && tested.size == asked_for.size)
-    return SetAsideOneByOne(problem, asked_for, std::move(solution));
+    return ExcludeOneByOne(problem, asked_for, std::move(solution));
   std::optional<Solution> freed = SolveAnew(problem, tested, solution);
-  if (!freed) return SetAsideOneByOne(problem, asked_for, std::move(solution));
-  Agreed agreed = SetAsideOneByOne(problem, tested, std::move(*freed));
+  if (!freed) return ExcludeOneByOne(problem, asked_for, std::move(solution));
+  Agreed agreed = ExcludeOneByOne(problem, tested, std::move(*freed));
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!agreed.of[i]) continue;
     std::optional<Solution> without =

@@ -15,8 +15,7 @@ namespace volalign::refine_internal {
 /// The part of a solution's quadratic cost that a frame's own measurements make, without priors.
 struct OwnMeasurements {
   std::vector<Eigen::Index> columns;  ///< ParameterLayout::ColumnsOf
-  Eigen::MatrixXd information;        ///< J^T J, over these columns
-  Eigen::VectorXd gradient;           ///< J^T r
+  NormalEquations normal;             ///< over these columns
 };
 OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
                                std::size_t frame);
@@ -42,15 +41,15 @@ double UnlikelyCost(std::size_t predicted);
 bool Disagrees(const Disagreement& disagreement);
 
 /// The result for an excluded frame.
-struct SetAside {
+struct ExcludedFrame {
   Pose together;                 ///< its pose in the joint solution with it
   std::vector<int> contradicts;  ///< the frames that show it, the clearest first
   State alone;                   ///< what its own measurements and the priors make most probable
   Matrix6d covariance;           ///< of its pose in that
 };
 struct Agreed {
-  Solution solution;                        ///< of the frames that agree
-  std::vector<std::optional<SetAside>> of;  ///< of each frame; nothing where it agrees
+  Solution solution;                             ///< of the frames that agree
+  std::vector<std::optional<ExcludedFrame>> of;  ///< of each frame; nothing where it agrees
   /// Each frame's, in the last solution that it took part in. Costs are divided by the variance
   /// factor of all frames.
   std::vector<Disagreement> measured;
@@ -64,7 +63,6 @@ struct Agreed {
 /// The test leaves the boxes and their size as free as their priors allow, even if `asked_for`
 /// fixes them. The solution then fixes them again. If both priors are zero, the test fixes them,
 /// too.
-Agreed SetAsideDisagreeing(const JointProblem& problem, const FreeSet& asked_for,
-                           Solution solution);
+Agreed ExcludeDisagreeing(const JointProblem& problem, const FreeSet& asked_for, Solution solution);
 
 }  // namespace volalign::refine_internal

@@ -192,11 +192,9 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
 }
 
 bool ParameterLayout::IsAlwaysFree(Eigen::Index column) const {
-  if (column >= ErrorsOfSensor(0) && column < Lens(0)) {
-    const Eigen::Index which = (column - ErrorsOfSensor(0)) % kSensorErrors;
-    return which != kGain && which != kFocal;
-  }
-  return column < Offset(0) || column >= Bulges(0);
+  const Eigen::Index error = ErrorOf(column);
+  return column < Offset(0) || column >= Bulges(0) ||
+         (error < kSensorErrors && error != kGain && error != kFocal);
 }
 
 int ParameterLayout::GroupOf(Eigen::Index column) const {
@@ -204,9 +202,7 @@ int ParameterLayout::GroupOf(Eigen::Index column) const {
   if (column >= Boxes(0) && column < Bulges(0))
     return (column - Boxes(0)) % 3 == BuildModel::Yaw(0) ? kTurns : kPlaces;
   if (column >= Offset(0) && column < ErrorsOfSensor(0)) return kOffsets;
-  const bool is_gain = column >= ErrorsOfSensor(0) && column < Lens(0) &&
-                       (column - ErrorsOfSensor(0)) % kSensorErrors == kGain;
-  return is_gain ? kGains : kPriorGroups;
+  return ErrorOf(column) == kGain ? kGains : kPriorGroups;
 }
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {

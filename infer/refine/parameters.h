@@ -250,6 +250,12 @@ class ParameterLayout {
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
  private:
+  /// Which SensorError a column is; kSensorErrors if it is none.
+  Eigen::Index ErrorOf(Eigen::Index column) const {
+    const bool is_error = column >= ErrorsOfSensor(0) && column < Lens(0);
+    if (!is_error) return kSensorErrors;
+    return (column - ErrorsOfSensor(0)) % kSensorErrors;
+  }
   std::size_t SensorOf(std::size_t frame) const {
     return static_cast<std::size_t>(frame_of_[frame].sensor);
   }

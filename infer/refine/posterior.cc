@@ -6,7 +6,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
-#include <optional>
 
 #include "core/geometry/factor.h"
 #include "infer/refine/terms.h"
@@ -124,6 +123,18 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
       columns.transpose() * columns;
   normal.gradient << ToVector(gradient), columns.transpose() * r;
   return normal;
+}
+
+std::optional<NormalEquations> Marginal(const NormalEquations& normal,
+                                        const std::vector<Eigen::Index>& kept,
+                                        const std::vector<Eigen::Index>& others) {
+  const Eigen::MatrixXd& h = normal.information;
+  const Eigen::VectorXd& g = normal.gradient;
+  const std::optional<CholeskyFactor> factor = Factor(h(others, others));
+  if (!factor) return std::nullopt;
+  const Eigen::MatrixXd cross = h(others, kept);
+  return NormalEquations{h(kept, kept) - cross.transpose() * factor->solve(cross),
+                         g(kept) - cross.transpose() * factor->solve(Eigen::VectorXd(g(others)))};
 }
 
 Posterior ComputePosterior(const NormalEquations& normal, const std::vector<char>& constant,

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "infer/refine/problem.h"
@@ -25,6 +26,12 @@ struct NormalEquations {
 /// one instead of the described one, and has no prior.
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution,
                                        const std::vector<Structure>& changed = {});
+
+/// The normal equations of the parameters `kept`, with `others` at their most probable values.
+/// Nothing if the others have none.
+std::optional<NormalEquations> Marginal(const NormalEquations& normal,
+                                        const std::vector<Eigen::Index>& kept,
+                                        const std::vector<Eigen::Index>& others);
 
 struct Posterior {
   Eigen::MatrixXd covariance;

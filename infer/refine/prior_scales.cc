@@ -77,17 +77,9 @@ std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
   for (Eigen::Index k = 0; k < layout.size(); ++k) {
     (layout.IsAlwaysFree(k) ? free : others).push_back(k);
   }
-  const Eigen::MatrixXd& h = cost.normal.information;
-  const Eigen::VectorXd& g = cost.normal.gradient;
-  const Eigen::MatrixXd cross = h(free, others);
-  const std::optional<CholeskyFactor> factor = Factor(h(free, free));
-  if (!factor) return std::nullopt;
-  MarginalCost marginal;
-  marginal.cost.normal.information = h(others, others) - cross.transpose() * factor->solve(cross);
-  marginal.cost.normal.gradient =
-      g(others) - cross.transpose() * factor->solve(Eigen::VectorXd(g(free)));
-  marginal.cost.prior_sigmas = cost.prior_sigmas(others);
-  marginal.cost.values = cost.values(others);
+  std::optional<NormalEquations> normal = Marginal(cost.normal, others, free);
+  if (!normal) return std::nullopt;
+  MarginalCost marginal{{std::move(*normal), cost.prior_sigmas(others), cost.values(others)}, {}};
   marginal.columns = std::move(others);
   return marginal;
 }

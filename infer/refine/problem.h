@@ -31,7 +31,7 @@ struct FrameInput {
   std::optional<refine_internal::NoiseModel> noise = {};
   /// Whether an earlier refinement excluded the frame (RefinedFrame::refused_fit), to be kept.
   /// Nothing: the refinement decides.
-  std::optional<bool> aside = {};
+  std::optional<bool> excluded = {};
 };
 
 namespace refine_internal {

@@ -107,9 +107,9 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   solution = AssociateAndSolve(problem, std::move(solution));
   const std::vector<char> unsolved = solution.held;
   if (setup.free.scale_priors) solution = SolveWithScaledPriors(problem, std::move(solution));
-  Agreed agreed{solution, std::vector<std::optional<SetAside>>(frames.size()),
+  Agreed agreed{solution, std::vector<std::optional<ExcludedFrame>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};
-  if (setup.free.scale_priors) agreed = SetAsideDisagreeing(problem, asked_for, solution);
+  if (setup.free.scale_priors) agreed = ExcludeDisagreeing(problem, asked_for, solution);
   CentreBoxes(problem, &agreed.solution);
   RefineResult result = MakeResult(problem, agreed, lenses.size());
   if (setup.is_final && !setup.is_final(result)) return result;

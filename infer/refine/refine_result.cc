@@ -50,14 +50,14 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
   if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.Errors(i)[kFocal];
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
-  if (const std::optional<SetAside>& set_aside = agreed.of[i]) {
+  if (const std::optional<ExcludedFrame>& excluded = agreed.of[i]) {
     frame.solved = true;
-    frame.structure_from_sensor = set_aside->alone.poses[i].ToPose();
-    frame.depth_offset = set_aside->alone.offsets[i];
-    frame.depth_gain = 1 + set_aside->alone.Errors(i)[kGain];
-    frame.own_focal = set_aside->alone.Errors(i)[kFocal];
+    frame.structure_from_sensor = excluded->alone.poses[i].ToPose();
+    frame.depth_offset = excluded->alone.offsets[i];
+    frame.depth_gain = 1 + excluded->alone.Errors(i)[kGain];
+    frame.own_focal = excluded->alone.Errors(i)[kFocal];
     frame.refused_fit =
-        RefusedFit{set_aside->together, set_aside->contradicts, set_aside->alone.Built(i)};
+        RefusedFit{excluded->together, excluded->contradicts, excluded->alone.Built(i)};
   }
   frame.first_from_sensor =
       state.placements[state.StillOf(i)].ToPose() * frame.structure_from_sensor;

@@ -58,8 +58,8 @@ def accuracy(page):
     sensors = every["placed"].split(" of ")[1]
     one, both = every["68, 95 %"].split(", ")
     return f"""
-Errors of the refined poses, median / 95th percentile, of `{version}`{f", with a share of {share.group(1)} of the rigs" if share else ""}.
-[docs/results.md](docs/results.md) has the command, and much else.
+Errors of the refined poses, median / 95th percentile, of `{version}`{f", measured on a share of {share.group(1)} of the rigs" if share else ""}.
+[docs/results.md](docs/results.md) has the command and more figures.
 
 | sensors | position, mm | rotation, deg | measured on |
 |---|---|---|---|

@@ -22,6 +22,13 @@ namespace {
 
 using namespace testing_infer;
 
+/// Three sensors around the paper's stack, so many degrees apart.
+Rig ThreeApart(double apart_deg) {
+  Rig rig{PaperStructure(), {}, {}};
+  for (int i = 0; i < 3; ++i) rig.Add(RingPose(40 + apart_deg * i));
+  return rig;
+}
+
 /// S0 and S2 are located, S1 is not; refined poses are as given.
 struct Stages {
   Rig rig;
@@ -29,15 +36,11 @@ struct Stages {
   CalibrateOptions options;
   Joint joint;
 
-  static const Rig& ThreeSensors() {
-    static const Rig drawn = [] {
-      Rig rig{PaperStructure(), {}, {}};
-      for (int i = 0; i < 3; ++i) rig.Add(RingPose(40 + 60 * i));
-      return rig;
-    }();
-    return drawn;
+  static const Rig& TheRig() {
+    static const Rig rig = ThreeApart(60);
+    return rig;
   }
-  Stages() : rig(ThreeSensors()), capture({{"", rig.frames}}, rig.structure) {
+  Stages() : rig(TheRig()), capture({{"", rig.frames}}, rig.structure) {
     joint.seen = SeenWithLabels(capture, rig.labels);
     joint.stacks.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
     joint.lenses.resize(3);
@@ -231,11 +234,7 @@ class LookAgain : public testing::Test {
       segmenter_.Store(TheRig().frames[i].depth, Certain(TheRig().labels[i]));
   }
   static const Rig& TheRig() {
-    static const Rig rig = [] {
-      Rig made{PaperStructure(), {}, {}};
-      for (int i = 0; i < 3; ++i) made.Add(RingPose(40 + 100 * i));
-      return made;
-    }();
+    static const Rig rig = ThreeApart(100);
     return rig;
   }
 

@@ -200,7 +200,7 @@ TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
   poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
   poses[3].trial = 2;
   const auto weigh = [&](const std::vector<PoseTrial>& trials) {
-    WeighPoses(view, structure, aliases, trials, {}, &poses);
+    WeighPoses(view, structure, aliases, trials, &poses);
   };
   const double decisive = std::log(kDecisiveOdds);
   weigh({{&empty, &initial}, {&right, &initial}, {&shifted, &initial}});

@@ -20,7 +20,9 @@ namespace {
 
 using namespace testing_infer;
 
-volalign::Rig Parse(const std::string& yaml) { return ReadRig(ConfigSource::FromString(yaml, "rig")); }
+volalign::Rig Parse(const std::string& yaml) {
+  return ReadRig(ConfigSource::FromString(yaml, "rig"));
+}
 
 /// Of the paper's stack: S1 sees it whole, S2 a part of it from near, S3 nothing.
 constexpr char kRig[] = R"(

@@ -83,8 +83,8 @@ struct OddOne {
     NormalEquations predicted{precisions.asDiagonal(), precisions.cwiseProduct(all.values)};
     for (const std::size_t i : by) {
       const OwnMeasurements own = MeasurementsOf(*problem, solution, i);
-      predicted.information(own.columns, own.columns) += own.information;
-      predicted.gradient(own.columns) += own.gradient;
+      predicted.information(own.columns, own.columns) += own.normal.information;
+      predicted.gradient(own.columns) += own.normal.gradient;
     }
     return Innovation(MeasurementsOf(*problem, solution, 0), predicted, all,
                       problem->layout.Constant(asked_for));
@@ -150,11 +150,11 @@ TEST(Innovation, OfABoxThatIsHeldIsNone) {
   EXPECT_LT(held.cost, 0.5 * free) << "the pose is open, and nothing else is predicted";
 }
 
-TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
+TEST(ExcludeDisagreeing, NamesThoseThatShowIt) {
   OddOne scene(0.04);
   scene.solution.observed[0].noise.depth.smooth_m = 0.004;
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   ASSERT_TRUE(agreed.of[0].has_value());
   EXPECT_EQ(agreed.solution.observed[0].noise.depth.smooth_m, 0.004)
       << "what is known of its noise stands";
@@ -165,7 +165,7 @@ TEST(SetAsideDisagreeing, NamesThoseThatShowIt) {
   EXPECT_LT(agreed.measured[1].cost, 1) << "in the solution without the odd one";
 }
 
-TEST(SetAsideDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
+TEST(ExcludeDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
   OddOne scene(0, {}, {35, 70, 180, 250, 310});
   RandomStream random(3, 0, "noise");
   for (FrameObservations& observed : scene.solution.observed) {
@@ -173,17 +173,17 @@ TEST(SetAsideDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
       face.p *= 1 + random.Normal(0, 2.2 * kSigma) / face.p.norm();
   }
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   for (std::size_t i = 0; i < 5; ++i) EXPECT_FALSE(agreed.of[i].has_value()) << i;
 }
 
-TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
+TEST(ExcludeDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
   for (const char* estimate : {"none", "boxes,depth_offset", "size"}) {
     OddOne scene(0.04);
     const EstimateSet asked = ParseEstimate(estimate);
     const FreeSet asked_for = AskedFor(asked, scene.problem->priors, 3);
     scene.solution.free = asked_for;
-    const Agreed agreed = SetAsideDisagreeing(*scene.problem, asked_for, std::move(scene.solution));
+    const Agreed agreed = ExcludeDisagreeing(*scene.problem, asked_for, std::move(scene.solution));
     EXPECT_TRUE(agreed.of[0].has_value()) << estimate;
     EXPECT_FALSE(agreed.of[1] || agreed.of[2]) << estimate;
     // What is not to be estimated is where the structure has it.
@@ -195,40 +195,40 @@ TEST(SetAsideDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
   }
 }
 
-TEST(SetAsideDisagreeing, WhatIsKnownExactlyIsNoneOfTheSensors) {
+TEST(ExcludeDisagreeing, WhatIsKnownExactlyIsNoneOfTheSensors) {
   RefineOptions exact;
   exact.box_sigma_m = exact.size_sigma_percent = 0;
   OddOne scene(0.04, exact);
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
 }
 
-TEST(SetAsideDisagreeing, AsksAboutTheBoxesAlsoWhereTheSizeIsKnownExactly) {
+TEST(ExcludeDisagreeing, AsksAboutTheBoxesAlsoWhereTheSizeIsKnownExactly) {
   RefineOptions known_size;
   known_size.size_sigma_percent = 0;
   OddOne scene(0.04, known_size);
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_TRUE(agreed.of[0].has_value());
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
 }
 
-TEST(SetAsideDisagreeing, KeepsAsideWhatWasAsideEarlier) {
-  const auto aside = [](std::array<bool, 3> earlier) {
+TEST(ExcludeDisagreeing, KeepsExcludedWhatWasExcludedEarlier) {
+  const auto excluded = [](std::array<bool, 3> earlier) {
     OddOne scene(0.04);
-    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].aside = earlier[i];
+    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].excluded = earlier[i];
     scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
     const Agreed agreed =
-        SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+        ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
     return std::array<bool, 3>{agreed.of[0].has_value(), agreed.of[1].has_value(),
                                agreed.of[2].has_value()};
   };
-  EXPECT_EQ(aside({false, false, false}), (std::array<bool, 3>{false, false, false}));
-  EXPECT_EQ(aside({false, false, true}), (std::array<bool, 3>{false, false, true}));
+  EXPECT_EQ(excluded({false, false, false}), (std::array<bool, 3>{false, false, false}));
+  EXPECT_EQ(excluded({false, false, true}), (std::array<bool, 3>{false, false, true}));
 }
 
-TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
+TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   OddOne scene(0.04);
   for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
   scene.frames[2].still = 1;
@@ -238,11 +238,11 @@ TEST(SetAsideDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
       NominalState(scene.structure, scene.poses, scene.problem->lenses, scene.problem->frame_of,
                    std::vector<Pose>(2, Pose::Identity()));
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
 }
 
-TEST(SetAsideDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
+TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   OddOne scene(0.08, {}, {35, 70, 180, 250, 310});
   scene.solution.observed[1] = scene.Saw(1, -0.04);
   // Points whose errors are no numbers.
@@ -258,7 +258,7 @@ TEST(SetAsideDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   }
   scene.frames[0].points = testing_infer::Borrowed(spoilt);
   const Agreed agreed =
-      SetAsideDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
   EXPECT_FALSE(agreed.of[0].has_value());
   EXPECT_TRUE(agreed.of[1].has_value());
 }

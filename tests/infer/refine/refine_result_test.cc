@@ -167,22 +167,22 @@ TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
 }
 
 // What a frame that disagrees reports is its own, whatever the joint solution has.
-TEST(MakeResult, AFrameThatWasSetAsideKeepsItsOwn) {
+TEST(MakeResult, AnExcludedFrameKeepsItsOwn) {
   TwoStills two;
   two.agreed.solution.held[1] = 1;
-  SetAside aside;
-  aside.together = RingPose(77);
-  aside.contradicts = {3, 0};
-  aside.alone = two.agreed.solution.state;
-  aside.alone.poses[1] = PoseBlock(RingPose(88));
-  aside.alone.offsets[1] = 0.02;
-  aside.alone.errors[1][kGain] = 0.03;
-  aside.covariance = 2e-6 * Matrix6d::Identity();
-  two.agreed.of[1] = aside;
+  ExcludedFrame excluded;
+  excluded.together = RingPose(77);
+  excluded.contradicts = {3, 0};
+  excluded.alone = two.agreed.solution.state;
+  excluded.alone.poses[1] = PoseBlock(RingPose(88));
+  excluded.alone.offsets[1] = 0.02;
+  excluded.alone.errors[1][kGain] = 0.03;
+  excluded.covariance = 2e-6 * Matrix6d::Identity();
+  two.agreed.of[1] = excluded;
   const RefinedFrame frame = two.Result().frames[1];
   EXPECT_TRUE(frame.solved);
   EXPECT_TRUE(frame.structure_from_sensor.isApprox(RingPose(88), 1e-12));
-  EXPECT_TRUE(frame.covariance.isApprox(aside.covariance, 1e-12));
+  EXPECT_TRUE(frame.covariance.isApprox(excluded.covariance, 1e-12));
   EXPECT_NEAR(frame.depth_offset, 0.02, 1e-12);
   EXPECT_NEAR(frame.depth_gain, 1.03, 1e-12);
   ASSERT_TRUE(frame.refused_fit.has_value());
@@ -262,7 +262,7 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
   EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
   two.agreed.of[3] =
-      SetAside{Pose::Identity(), {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
+      ExcludedFrame{Pose::Identity(), {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
   const RefineResult result = two.Result();
   EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
