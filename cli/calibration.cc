@@ -1,6 +1,7 @@
 #include "cli/calibration.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <chrono>
 #include <filesystem>
@@ -19,11 +20,13 @@
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
+#include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/report/export.h"
+#include "infer/report/pose_format.h"
 
 namespace volalign {
 
@@ -90,6 +93,34 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
                               "capture nor --structure names one",
                               kShippedModel);
   return labeller;
+}
+
+/// Gives each sensor that --prior names its pose there.
+void GivePriors(const CalibrationRequest& request, std::vector<Still>* stills) {
+  if (request.prior.empty()) return;
+  PosePrior prior;
+  prior.world = request.prior_scale == "free" ? PriorWorld::kScaleFree : PriorWorld::kMetric;
+  prior.sigma_m = request.prior_sigma[0];
+  prior.sigma_deg = request.prior_sigma[1];
+  std::vector<std::string> names;
+  int given = 0;
+  for (const SensorPose& pose : ReadPoses(request.prior, ParsePoseFormat(request.prior_from))) {
+    names.push_back(pose.name);
+    prior.world_from_sensor = pose.structure_from_sensor;
+    for (Still& still : *stills) {
+      for (SensorFrame& frame : still.frames) {
+        if (frame.name != pose.name) continue;
+        frame.prior = prior;
+        ++given;
+      }
+    }
+  }
+  if (given == 0) {
+    throw ConfigError(
+        fmt::format("--prior {}: it has poses of {}, and none is a sensor of the "
+                    "capture; sensors have to have the same names in both",
+                    request.prior, Shortened(fmt::format("{}", fmt::join(names, ", ")))));
+  }
 }
 
 /// --structure, else the captures' structure; none: the model's own serves. Throws ConfigError if
@@ -160,6 +191,25 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
                                               "--twin", "--choose SENSOR=NUMBER does this now");
                                         })
       ->group("");
+  CLI::Option* const prior = app->add_option("--prior", request->prior,
+                                             "poses that are known beforehand, in a world of their "
+                                             "own: a file that convert reads. Sensors "
+                                             "of the same names use them as a prior");
+  app->add_option("--prior-from", request->prior_from, "format of --prior, as convert --from")
+      ->capture_default_str();
+  CLI::Option* const sigma =
+      app->add_option("--prior-sigma", request->prior_sigma,
+                      "how exact --prior is: standard deviations M,DEG of position and rotation, "
+                      "e.g. 0.05,3")
+          ->delimiter(',')
+          ->expected(2)
+          ->needs(prior);
+  prior->needs(sigma);
+  app->add_option("--prior-scale", request->prior_scale,
+                  "metric: --prior is in metres; free: in a unit that is not known (three sensors "
+                  "or more)")
+      ->check(CLI::IsMember({"metric", "free"}))
+      ->capture_default_str();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments,
                   "KEY=VALUE over the config, e.g. refine.box_sigma_m=0.01")
@@ -184,6 +234,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   std::optional<Structure> structure = GivenStructure(request, captures);
   Calibration out;
   out.stills = StillsOf(std::move(captures));
+  GivePriors(request, &out.stills);
   const Labeller labeller =
       ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
   NetworkSegmenter* const segmenter = labeller.network.get();

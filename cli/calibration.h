@@ -20,6 +20,10 @@ struct CalibrationRequest {
   std::vector<std::string> captures;
   std::string model = "shipped", output, config, structure, initial, estimate, note;
   std::vector<std::string> assignments, choose;
+  /// Poses that are known beforehand: file, its format, standard deviations, and scale of the
+  /// world.
+  std::string prior, prior_from = "volalign", prior_scale = "metric";
+  std::vector<double> prior_sigma;
   bool no_report = false;
   TableOutput table;
   /// The structure of an earlier calibration for comparison; a model's own structure may not stand

@@ -76,7 +76,9 @@ SensorFrame MakeFrame(const std::string& name, const py::object& depth, double f
                       double cx, double cy, std::vector<double> distortion,
                       std::optional<double> depth_scale, const std::string& sensor,
                       std::optional<int> quarter_turns, const std::string& serial,
-                      const py::object& ground_truth) {
+                      const py::object& ground_truth, const py::object& prior,
+                      const std::string& prior_world,
+                      const std::pair<double, double>& prior_sigma) {
   if (!IsFileName(name)) {
     throw DataError(fmt::format("the name \"{}\" has to serve as a file name",
                                 Shortened(name, kMostNameBytes)));
@@ -116,6 +118,16 @@ SensorFrame MakeFrame(const std::string& name, const py::object& depth, double f
   frame.sensor = sensor;
   frame.serial = serial;
   if (!ground_truth.is_none()) frame.ground_truth = PoseOf(ground_truth, name + ": ground_truth");
+  if (!prior.is_none()) {
+    PriorWorld world{};
+    if (!FromWord(prior_world, &world)) {
+      throw DataError(fmt::format("{}: prior_world = \"{}\" is none of {}", name,
+                                  Shortened(prior_world),
+                                  fmt::join(WordsOfAll<PriorWorld>(), ", ")));
+    }
+    frame.prior =
+        PosePrior{PoseOf(prior, name + ": prior"), world, prior_sigma.first, prior_sigma.second};
+  }
   return frame;
 }
 
@@ -149,14 +161,19 @@ void AddFrame(py::module_& module) {
            py::arg("fy"), py::arg("cx"), py::arg("cy"),
            py::arg("distortion") = std::vector<double>(), py::arg("depth_scale") = py::none(),
            py::arg("sensor") = "", py::arg("quarter_turns") = py::none(), py::arg("serial") = "",
-           py::arg("ground_truth") = py::none(),
+           py::arg("ground_truth") = py::none(), py::arg("prior") = py::none(),
+           py::arg("prior_world") = ToString(PriorWorld::kStructure),
+           py::arg("prior_sigma") = std::make_pair(PosePrior().sigma_m, PosePrior().sigma_deg),
            "depth: (H, W), or (N, H, W) of one still scene, of which it is the mean; a last axis "
            "of 1 is left out. What a masked array masks is no measurement. Floats are "
            "metres, uint16 millimetres; depth_scale gives other metres per unit. 0, NaN, infinity "
            "and negative values are no measurement. fx, fy, cx, cy, distortion: see Intrinsics. "
            "sensor: the kind of device, such as \"azure_kinect_nfov_binned\". quarter_turns: "
            "clockwise turns, 0 to 3, that bring the image into the network's orientation; None: to "
-           "be found. ground_truth: (4, 4) structure_from_sensor, to have errors reported. The "
+           "be found. ground_truth: (4, 4) structure_from_sensor, to have errors reported. "
+           "prior: (4, 4), the pose as it is known beforehand, with prior_sigma, its standard "
+           "deviations in m and deg. prior_world: \"structure\", it is structure_from_sensor; "
+           "\"metric\", it is in another world, in metres; \"free\", that world has any scale. The "
            "array is copied. Raises DataError.")
       .def_readonly("name", &SensorFrame::name)
       .def_property_readonly(

@@ -109,7 +109,11 @@ void AddSensor(py::module_& module) {
           "(4, 4) float64: the pose before the joint solution; None of a failed sensor.")
       .def_property_readonly(
           "initial_source", [](const SensorPart& s) { return ToString(s->initial_source); },
-          "\"network\", \"geometry\" or \"neighbours\".");
+          "\"network\", \"geometry\", \"neighbours\" or \"prior\".");
+  sensor.def_property_readonly(
+      "prior", [](const SensorPart& s) { return PoseOrNone(s->prior); },
+      "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.");
+  AddMember(&sensor, "prior_used", &FrameResult::prior_used, "Do the frames not contradict it?");
   sensor.def_property_readonly(
       "together", [](const SensorPart& s) { return PoseOrNone(s->together); },
       "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would give "

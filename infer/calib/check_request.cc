@@ -18,6 +18,9 @@ namespace volalign {
 
 namespace {
 
+/// m and deg: of a prior. Smaller ones are less than what a sensor moves by itself.
+constexpr double kLeastPriorSigma = 1e-4, kMostPriorSigma = 1000;
+
 /// Are these the same depth map, with any depth?
 bool AreSame(const DepthImage& a, const DepthImage& b) {
   const bool shows_something = std::any_of(a.begin(), a.end(), [](float z) { return z > 0; });
@@ -39,6 +42,33 @@ void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_stil
         fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs the "
                     "stack in another place, and frames of its own",
                     frame.name, still, earlier_still));
+  }
+}
+
+/// The priors of a calibration are of one world, and have standard deviations.
+void CheckPriors(const std::vector<Still>& stills) {
+  const SensorFrame* first = nullptr;
+  for (const Still& still : stills) {
+    for (const SensorFrame& frame : still.frames) {
+      if (!frame.prior) continue;
+      const PosePrior& prior = *frame.prior;
+      if (!first) first = &frame;
+      if (prior.world != first->prior->world) {
+        throw DataError(
+            fmt::format("the priors of \"{}\" and \"{}\" are of different worlds; give all as "
+                        "structure_from_sensor, or all as world_from_sensor with the same scale",
+                        first->name, frame.name));
+      }
+      for (const double sigma : {prior.sigma_m, prior.sigma_deg}) {
+        if (!(sigma >= kLeastPriorSigma && sigma <= kMostPriorSigma)) {
+          throw DataError(
+              fmt::format("the prior of \"{}\" has a standard deviation of {}; give one from {} to "
+                          "{}, in m and "
+                          "in deg",
+                          frame.name, sigma, kLeastPriorSigma, kMostPriorSigma));
+        }
+      }
+    }
   }
 }
 
@@ -96,6 +126,7 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
           "orientation.choose (--choose): \"{}\" names no sensor of the capture", alternative));
     }
   }
+  CheckPriors(stills);
   for (Still& still : stills) {
     for (SensorFrame& frame : still.frames) DropStandIns(&frame.depth);
   }

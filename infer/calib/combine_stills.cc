@@ -106,6 +106,7 @@ FrameResult CombineFrames(const std::vector<OfSensor>& frames,
   sensor.initial = placement * at.initial;
   sensor.together.reset();
   if (at.together) sensor.together = placement * *at.together;
+  if (at.prior) sensor.prior = placement * *at.prior;
   PoolFigures(frames, &sensor);
   for (const OfSensor& frame : frames) {
     if (sensor.status == SensorStatus::kFailed || !ConcernsSensor(frame.result->code)) continue;

@@ -57,6 +57,8 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
     ar.IfFinite("rms_together_m", rms);
     ar.IfFinite("rms_alone_m", rms);
   }
+  ar.Optional("prior", sensor.prior);
+  if (sensor.prior) ar("prior_used", sensor.prior_used);
   ar.Optional("together", sensor.together);
   ar.Optional("disagrees_with", sensor.disagrees_with);
   ar.IfFinite("disagreement", sensor.disagreement);

@@ -14,6 +14,7 @@
 #include "infer/checks/neighbours.h"
 #include "infer/checks/verdict.h"
 #include "infer/checks/verification.h"
+#include "infer/initial/pose_priors.h"
 #include "infer/initial/shape_check.h"
 #include "infer/lens/find_lenses.h"
 
@@ -40,6 +41,7 @@ constexpr int kMostLooks = 3;
 struct Located {
   PerFrame<LocateResult> results;
   std::vector<Pose> first_from_stack;
+  SomeFrames<PlacedPrior> priors;
 };
 
 PerFrame<LocateResult> Without(PerFrame<LocateResult> results,
@@ -50,11 +52,24 @@ PerFrame<LocateResult> Without(PerFrame<LocateResult> results,
 
 Located Join(const Seen& seen, PerFrame<LocateResult> results) {
   Stood stood = JoinStills(seen, results);
-  return {Without(std::move(results), stood.contradicted), std::move(stood.first_from_stack)};
+  results = Without(std::move(results), stood.contradicted);
+  SomeFrames<PlacedPrior> priors = PlacePriors(seen, results, stood.first_from_stack);
+  return {std::move(results), std::move(stood.first_from_stack), std::move(priors)};
 }
 
-Located Locate(const Seen& seen, const StackFinding& stack, const LocateOptions& options) {
-  return Join(seen, LocateByNeighbours(seen, LocateAlone(seen, stack, options), options));
+Located Locate(const StackFinding& stack, const LocateOptions& options, Seen* seen) {
+  PerFrame<LocateResult> alone = LocateAlone(*seen, stack, options);
+  PerFrame<LocateResult> by_priors = LocateByPriors(std::move(alone), options, seen);
+  return Join(*seen, LocateByNeighbours(*seen, std::move(by_priors), options));
+}
+
+/// The located frames with the priors that count.
+SomeFrames<FrameInput> WithPriors(SomeFrames<FrameInput> frames,
+                                  const SomeFrames<PlacedPrior>& priors) {
+  for (const auto& [id, placed] : priors) {
+    if (placed.used) frames.at(id).prior = placed.prior;
+  }
+  return frames;
 }
 
 RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& frames,
@@ -160,6 +175,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
               refined.size_estimated,
               refined.size_scale,
               refined.sigma_size_scale,
+              std::move(located.priors),
               {},
               {}};
   const bool solved = report.converged && report.moved_px < kLinearPx;
@@ -175,11 +191,18 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
     for (const int other : solution.refined.refused_fit->contradicts)
       solution.contradicts.push_back(id_of(other));
   }
+  const WorldPlacement world{refined.structure_from_world, refined.world_scale};
+  for (auto& [id, placed] : joint.priors) {
+    if (placed.prior.world != PriorWorld::kStructure)
+      placed.prior.world_from_sensor = world.Place(placed.prior.world_from_sensor);
+  }
   joint.report = report;
   const CaptureSet& capture = *joint.seen.capture;
   std::vector<std::string> names;
   for (const FrameId id : ids) names.push_back(capture[id].name);
-  joint.findings = ExplainQuantities(refined, names, capture.structure);
+  joint.findings = ExplainPriors(joint.seen, joint.located, located.first_from_stack);
+  for (RigFinding& off : ExplainQuantities(refined, names, capture.structure))
+    joint.findings.push_back(std::move(off));
   for (RigFinding& apart : FindPairsApart(refined, names))
     joint.findings.push_back(std::move(apart));
   joint.pairs.resize(capture.stills.size());
@@ -241,7 +264,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
     begin("each sensor by itself");
     seen.clouds = MapFrames(seen.views, options.threads,
                             [&](FrameId id) { return SampleCloud(seen.views[id]); });
-    Located located = Locate(seen, stack, locate);
+    Located located = Locate(stack, locate, &seen);
     clock->Lap("placement");
     begin("all sensors together");
     return located;
@@ -250,7 +273,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
   int labelled = 0, looks = 1;
   Moves before;
   Located located = locate_all();
-  SomeFrames<FrameInput> frames = FramesToRefine(seen, located.results);
+  SomeFrames<FrameInput> frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
   RefineSetup setup(options.refine);
   for (;;) {
     const auto labels_stay = [&](const RefineResult& refined) {
@@ -291,7 +314,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);
       located = locate_all();
     }
-    SomeFrames<FrameInput> again = FramesToRefine(seen, located.results);
+    SomeFrames<FrameInput> again =
+        WithPriors(FramesToRefine(seen, located.results), located.priors);
     setup = RefineSetup(options.refine);
     frames = looks > 1 ? ExcludedAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();

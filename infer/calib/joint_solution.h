@@ -6,6 +6,7 @@
 #include "infer/calib/calibrate.h"
 #include "infer/calib/result.h"
 #include "infer/checks/placement.h"
+#include "infer/checks/prior_use.h"
 #include "infer/refine/refine.h"
 #include "infer/view/frames.h"
 
@@ -30,20 +31,21 @@ struct Joint {
   std::vector<RefinedLens> lenses;             ///< of seen.lenses
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  SomeFrames<PlacedPrior> priors;  ///< of located frames
   std::vector<RigFinding> findings;
   SolveReport report;
 };
 
 /// Solves for all sensors together, in rounds of these steps, until nothing changes any more.
-/// Locate: each frame by itself, then by its neighbours, then where the stack stood in each
-/// capture. Refine: see Refine. Label: the stack and poses that were found label the points anew.
-/// The origin of the first labels, a network or geometry, then makes little difference. A frame
-/// that turns back begins the next round half way (NextStarts). Drop: a frame that geometry alone
-/// has located may move to where its view does not have the structure's shape (ShapeLogOdds). It is
-/// then no longer located (no_structure), and the others are solved again from their first poses.
-/// Look: the frames are seen anew through lenses that have changed too much for the solution to be
-/// linear in them.
-/// Each step has a limit; Joint::report says whether one was reached.
+/// Locate: each frame by itself, then with its prior, then by its neighbours, then where the stack
+/// stood in each capture. Refine: see Refine. Label: the stack and poses that were found label the
+/// points anew. The origin of the first labels, a network or geometry, then makes little
+/// difference. A frame that turns back begins the next round half way (NextStarts). Drop: a frame
+/// that geometry alone has located may move to where its view does not have the structure's shape
+/// (ShapeLogOdds). It is then no longer located (no_structure), and the others are solved again
+/// from their first poses. Look: the frames are seen anew through lenses that have changed too much
+/// for the solution to be linear in them. Each step has a limit; Joint::report says whether one was
+/// reached.
 Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
                    const CalibrateOptions& options, const CalibrateProgress& progress,
                    StageClock* clock);

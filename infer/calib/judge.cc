@@ -180,6 +180,11 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   const FrameSolution& solution = joint->frames.at(id);
   TakeRefinement(solution.refined, located.InitialPoseOf(labelled.initial), &sensor);
   sensor.initial_source = located.by_neighbours ? PoseSource::kNeighbours : labelled.source;
+  if (const auto placed = joint->priors.find(id); placed != joint->priors.end()) {
+    sensor.prior = joint->stacks[id.still].first_from_placement.inverse() *
+                   placed->second.prior.world_from_sensor;
+    sensor.prior_used = placed->second.used;
+  }
   for (const FrameId other : solution.contradicts)
     sensor.disagrees_with.push_back((*seen.capture)[other].name);
   return sensor;

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 
 #include "core/base/error.h"
 #include "infer/calib/check_request.h"
+#include "infer/checks/prior_use.h"
 
 namespace volalign {
 
@@ -35,11 +37,13 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
   std::vector<Intrinsics> intrinsics;
   for (std::size_t i = 0; i < frames.size(); ++i)
     intrinsics.push_back(seen.lenses.Effective({still, i}));
+  const std::vector<std::optional<PosePrior>> priors = PriorsOfStill(*seen.capture, still);
   std::vector<LabelRequest> requests;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     requests.push_back({&seen.views[{still, i}], &intrinsics[i], frames[i].quarter_turns,
                         !seen.depths[{still, i}].failure,
-                        ChoiceOf(frames[i].name, options.orientation.choose), known[i]});
+                        ChoiceOf(frames[i].name, options.orientation.choose), known[i],
+                        priors[i] ? &*priors[i] : nullptr});
   }
   return LabelViews(requests, seen.capture->structure, segmenter, options.initial,
                     options.orientation, options.threads, clock);

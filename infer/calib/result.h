@@ -44,6 +44,9 @@ struct SensorOutcome : Finding, PoseQuality {
   std::vector<std::string> disagrees_with;  ///< sensors that show it, the clearest first
   /// RefinedFrame::disagreement.
   double disagreement = 0;
+  /// Its prior, in the frame of structure_from_sensor; prior_used: the pose uses it.
+  std::optional<Pose> prior;
+  bool prior_used = false;
   double initial_rms_to_structure_m = 0;
   Matrix6d covariance = Matrix6d::Zero();
   /// True depth = measured depth * depth_gain + depth_offset_m. They are 1 and 0 if the capture

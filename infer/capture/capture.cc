@@ -196,6 +196,31 @@ std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   return colour;
 }
 
+std::optional<PosePrior> ParsePrior(const JsonObject& object) {
+  if (!object.Has("prior")) return std::nullopt;
+  const JsonObject given = object.Child("prior");
+  PosePrior prior;
+  const bool in_world = given.Has("world_from_sensor");
+  if (in_world == given.Has("structure_from_sensor")) {
+    throw DataError(fmt::format(
+        "{}: give either structure_from_sensor or world_from_sensor, a 4x4 matrix", given.where()));
+  }
+  const char* const key = in_world ? "world_from_sensor" : "structure_from_sensor";
+  prior.world_from_sensor = PoseFromRows(given.Matrix(key), given.Place(key));
+  if (in_world) prior.world = PriorWorld::kMetric;
+  if (given.Has("scale")) {
+    if (!in_world || given.Text("scale") != "free") {
+      throw DataError(fmt::format("{}: scale may only be \"free\", and only with world_from_sensor",
+                                  given.where()));
+    }
+    prior.world = PriorWorld::kScaleFree;
+  }
+  prior.sigma_m = given.Number("sigma_m");
+  prior.sigma_deg = given.Number("sigma_deg");
+  given.RejectOthers();
+  return prior;
+}
+
 void RequireSize(const StoredDepth& image, const Intrinsics& intrinsics, const std::string& file,
                  const std::string& where) {
   if (image.values.width() == intrinsics.width && image.values.height() == intrinsics.height)
@@ -213,7 +238,8 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   const std::string where = object.Renamed(fmt::format("sensor \"{}\"", frame.name));
   // This comes first, because misspelled keys are missing, too.
   object.RejectOthers({"depth", "stream", "frames", "intrinsics", "quarter_turns", "sensor",
-                       "serial", "renderer", "colour", "depth_scale", "typical_intrinsics"});
+                       "serial", "renderer", "colour", "depth_scale", "typical_intrinsics",
+                       "prior"});
   frame.depth_files = ParseDepthFiles(object);
   const std::uint64_t kept = budget->kept();
   RecordedDepth source;
@@ -239,6 +265,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   frame.renderer = ParsePlainText(object, "renderer");
   frame.colour = ParseColour(object);
   if (!frame.colour) frame.colour = source.colour;
+  frame.prior = ParsePrior(object);
   frame.depth_scale = ParseDepthScale(object, source, common_scale);
   RequireRays(frame.intrinsics, where);
   MeanDepth mean(frame.depth_scale);

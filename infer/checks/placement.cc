@@ -7,10 +7,14 @@
 #include <string>
 #include <utility>
 
+#include "core/base/parallel_for.h"
 #include "infer/checks/hints.h"
 #include "infer/checks/intrinsics_check.h"
+#include "infer/checks/prior_use.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/agreement.h"
+#include "infer/initial/pose_priors.h"
+#include "infer/initial/pose_sources.h"
 #include "infer/initial/shape_check.h"
 
 namespace volalign {
@@ -34,20 +38,22 @@ std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
 
 struct OwnPose {
   Pose structure_from_sensor = Pose::Identity();
-  double sigma_position_m = 0;  // LargestSigmaPosition
+  Matrix6d covariance = Matrix6d::Zero();
 };
 
-/// The sensor's pose from its own view, with all quantities free that may be estimated.
+/// The sensor's pose from its own view, and its prior if one is given, with all quantities free
+/// that may be estimated.
 OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
-                    const Pose& start, const RefineOptions& options) {
+                    const Pose& start, const std::optional<PosePrior>& prior,
+                    const RefineOptions& options) {
   RefineSetup alone(options);
   alone.free.scale_priors = false;
   alone.schedule.threads = 1;
+  FrameInput input{std::move(points), start, 0};
+  input.prior = prior;
   const RefinedFrame refined =
-      Refine(seen.capture->structure, {{std::move(points), start, 0}}, alone, {seen.lenses.Of(id)})
-          .frames.front();
-  return {refined.structure_from_sensor,
-          LargestSigmaPosition(refined.structure_from_sensor, refined.covariance)};
+      Refine(seen.capture->structure, {input}, alone, {seen.lenses.Of(id)}).frames.front();
+  return {refined.structure_from_sensor, refined.covariance};
 }
 
 Finding ExplainAlteredStack(const AssemblyReport& report) {
@@ -93,14 +99,13 @@ Finding UpUnknown(const Labelled& labelled) {
 
 /// The own pose, refined first with the frame's labels and then with those that it implies. The
 /// first labels do not end exactly at the sides' borders.
-OwnPose RefineTwice(const Seen& seen, FrameId id, const LocateOptions& options) {
-  const Labelled& labelled = seen.labelled[id];
-  const InitialPose& initial = labelled.initial;
+OwnPose RefineTwice(const Seen& seen, FrameId id, const Labelled& labelled,
+                    const std::optional<PosePrior>& prior, const LocateOptions& options) {
   const Pose pose = RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
-                                initial.structure_from_sensor, options.refine)
+                                labelled.initial.structure_from_sensor, prior, options.refine)
                         .structure_from_sensor;
   return RefineAlone(seen, id, PointsAt(seen, id, seen.capture->structure, pose, options), pose,
-                     options.refine);
+                     prior, options.refine);
 }
 
 /// See LocateAlone.
@@ -114,12 +119,13 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial);
 
-  const OwnPose own = RefineTwice(seen, id, options);
+  const OwnPose own = RefineTwice(seen, id, labelled, {}, options);
   const Pose& pose = own.structure_from_sensor;
   const LocateFacts facts{ExplainView(view, labelled.ByNetwork(), structure, pose,
                                       options.refine.box_sigma_m, kLeastConfidence),
                           ConfirmedLabels(view, initial.patches, structure, pose),
-                          own.sigma_position_m, &initial, better ? &*better : nullptr};
+                          LargestSigmaPosition(pose, own.covariance), &initial,
+                          better ? &*better : nullptr};
   if (std::optional<Finding> failure = VerifyOwnPose(facts, structure, options.verdict)) {
     return *std::move(failure);
   }
@@ -131,9 +137,46 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   if (labelled.up_unknown) return UpUnknown(labelled);
 
   located.own_pose = pose;
+  located.covariance = own.covariance;
   located.points = PointsAt(seen, id, structure, pose, options);
   if (better) located.suspect_intrinsics = SuspectIntrinsics(*better);
   return located;
+}
+
+/// Can a prior place a frame with this finding?
+bool IsOpen(const Finding& finding) {
+  return finding.code == SensorCode::kDegenerateSides || finding.code == SensorCode::kNoStructure ||
+         finding.code == SensorCode::kInconsistent || finding.code == SensorCode::kAmbiguous;
+}
+
+/// The frame at the pose that its prior has, with the labels that follow; nothing if its view does
+/// not show the structure there. `prior`: in the structure frame of the capture.
+std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen, FrameId id,
+                                                               const PosePrior& prior,
+                                                               const LocateOptions& options) {
+  const Structure& structure = seen.capture->structure;
+  const SensorView& view = seen.views[id];
+  LabelledPose at = LabelByPose(view, structure, prior.world_from_sensor, options.initial);
+  Labelled labelled;
+  labelled.quarter_turns = seen.labelled[id].quarter_turns;
+  labelled.source = PoseSource::kPrior;
+  labelled.segmentation = std::move(at.segmentation);
+  labelled.initial = std::move(at.initial);
+  if (!labelled.initial.found) labelled.initial.structure_from_sensor = prior.world_from_sensor;
+  labelled.initial.found = true;
+  const OwnPose own = RefineTwice(seen, id, labelled, prior, options);
+  const Pose& pose = own.structure_from_sensor;
+  const ViewExplanation explanation =
+      ExplainView(view, nullptr, structure, pose, options.refine.box_sigma_m, kLeastConfidence);
+  if (ConfirmedLabels(view, labelled.initial.patches, structure, pose).empty() ||
+      !(explanation.LogOddsByDepth() > 0) ||
+      !(LargestSigmaPosition(pose, own.covariance) <= options.verdict.max_sigma_position_m)) {
+    return std::nullopt;
+  }
+  LocatedFrame located;
+  located.own_pose = pose;
+  located.points = PointsAt(seen, id, structure, pose, options);
+  return std::make_pair(std::move(located), std::move(labelled));
 }
 
 /// Adds where to move sensors that see too few sides, with the orientation of the others.
@@ -191,6 +234,35 @@ PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
       });
   for (std::size_t still = 0; still < results.stills(); ++still)
     GiveMoveHints(seen.labelled.OfStill(still), &results.OfStill(still));
+  return results;
+}
+
+PerFrame<LocateResult> LocateByPriors(PerFrame<LocateResult> results, const LocateOptions& options,
+                                      Seen* seen) {
+  for (std::size_t still = 0; still < results.stills(); ++still) {
+    const std::vector<std::optional<PosePrior>> priors = PriorsOfStill(*seen->capture, still);
+    std::vector<const PosePrior*> given;
+    std::vector<std::vector<Pose>> poses;
+    for (std::size_t i = 0; i < priors.size(); ++i) {
+      const auto* located = std::get_if<LocatedFrame>(&results[{still, i}]);
+      given.push_back(priors[i] ? &*priors[i] : nullptr);
+      poses.push_back(located ? std::vector<Pose>{located->own_pose} : std::vector<Pose>{});
+    }
+    std::vector<WorldPlacement> worlds = FindWorlds(given, poses);
+    if (worlds.empty()) continue;
+    ParallelFor(priors.size(), options.threads, [&](std::size_t i) {
+      const FrameId id{still, i};
+      const auto* finding = std::get_if<Finding>(&results[id]);
+      if (!priors[i] || !finding || !IsOpen(*finding)) return;
+      PosePrior placed = *priors[i];
+      placed.world_from_sensor = worlds.front().Place(placed.world_from_sensor);
+      placed.world = PriorWorld::kStructure;
+      auto found = LocateByPrior(*seen, id, placed, options);
+      if (!found) return;
+      results[id] = std::move(found->first);
+      seen->labelled[id] = std::move(found->second);
+    });
+  }
   return results;
 }
 

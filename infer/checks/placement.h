@@ -40,6 +40,8 @@ struct LocatedFrame {
   std::optional<double> shape_log_odds;
   std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
   std::vector<FrameId> rests_on;         ///< those neighbours; it shares most points with the first
+  /// Covariance of own_pose, see RefinedFrame::covariance. Zero if neighbours or a prior helped.
+  Matrix6d covariance = Matrix6d::Zero();
 
   /// The frame's initial pose; own_pose where its own view leaves the initial pose open.
   const Pose& InitialPoseOf(const InitialPose& initial) const {
@@ -75,6 +77,12 @@ using StackFinding = std::vector<std::optional<AssemblyReport>>;
 /// located either.
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options);
+
+/// Locates frames that their own view does not place, but that show the structure at their prior's
+/// pose. The world of the priors is that in which the located frames of the capture are. `seen`
+/// gets the labels that such a pose implies. A frame that is not located keeps its finding.
+PerFrame<LocateResult> LocateByPriors(PerFrame<LocateResult> results, const LocateOptions& options,
+                                      Seen* seen);
 
 /// The located frames as input of the joint refinement, which begins at their own poses.
 SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateResult>& results);

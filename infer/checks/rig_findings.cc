@@ -20,13 +20,14 @@ namespace volalign {
 
 namespace {
 
-constexpr Words<RigCode, 7> kRigCodes = {{
+constexpr Words<RigCode, 8> kRigCodes = {{
     {"size_off", RigCode::kSizeOff},
     {"box_off", RigCode::kBoxOff},
     {"depth_off", RigCode::kDepthOff},
     {"pair_apart", RigCode::kPairApart},
     {"files_exchanged", RigCode::kFilesExchanged},
     {"depth_scale", RigCode::kDepthScale},
+    {"prior_off", RigCode::kPriorOff},
     {"structure_assumed", RigCode::kStructureAssumed},
 }};
 

@@ -18,6 +18,7 @@ enum class RigCode {
   kPairApart,        ///< two sensors measured one surface in two places
   kFilesExchanged,   ///< two sensors' depth files seem to be exchanged
   kDepthScale,       ///< depths fit the structure in another unit
+  kPriorOff,         ///< frames contradict what was known of poses beforehand
   kStructureAssumed  ///< no structure was given, and few sensors see the one that is assumed
 };
 /// The word in files and reports: "size_off", "box_off", and so on.

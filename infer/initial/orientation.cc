@@ -124,7 +124,8 @@ std::vector<PoseChoice> ChooseAll(const LabelContext& context,
   std::vector<SensorCandidates> sensors(competitors.size());
   for (std::size_t i = 0; i < competitors.size(); ++i) {
     sensors[i] = {context.views[i].view, competitors[i],
-                  TurnsOf(context, i, trials[i], competitors[i]), context.views[i].chosen};
+                  TurnsOf(context, i, trials[i], competitors[i]), context.views[i].chosen,
+                  context.views[i].prior};
   }
   return ChooseTogether(sensors, context.structure);
 }
@@ -196,7 +197,7 @@ Labelled UpdateInitialPose(const SensorView& view, Labelled labelled, const Stru
                            const InitialPoseOptions& initial) {
   if (!labelled.initial.found) return labelled;
   const Pose near = labelled.initial.structure_from_sensor;
-  if (labelled.source == PoseSource::kGeometry) {
+  if (!labelled.ByNetwork()) {
     LabelledPose again = LabelByPose(view, structure, near, initial);
     if (again.initial.found) {
       labelled.segmentation = std::move(again.segmentation);

@@ -9,6 +9,7 @@
 #include "core/geometry/structure.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/pose_choice.h"
+#include "infer/view/pose_prior.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
 
@@ -37,6 +38,7 @@ struct LabelRequest {
   /// The pose that this frame keeps, or null. With a pose it gets no labels, and the poses of the
   /// other frames are chosen to agree with it.
   const Pose* known = nullptr;
+  const PosePrior* prior = nullptr;  ///< of its pose in this capture; null: none
 };
 
 /// A frame with its labels, and the pose that follows from them.

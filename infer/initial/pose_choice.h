@@ -20,12 +20,14 @@ struct PoseTrial {
   const InitialPose* initial = nullptr;
 };
 
-/// Source of an initial pose: the network's labels, the structure's geometry, or the other sensors.
-enum class PoseSource { kNetwork, kGeometry, kNeighbours };
-constexpr Words<PoseSource, 3> WordsOf(PoseSource) {
+/// Source of an initial pose: the network's labels, the structure's geometry, the other sensors, or
+/// a prior.
+enum class PoseSource { kNetwork, kGeometry, kNeighbours, kPrior };
+constexpr Words<PoseSource, 4> WordsOf(PoseSource) {
   return {{{"network", PoseSource::kNetwork},
            {"geometry", PoseSource::kGeometry},
-           {"neighbours", PoseSource::kNeighbours}}};
+           {"neighbours", PoseSource::kNeighbours},
+           {"prior", PoseSource::kPrior}}};
 }
 
 /// A competing pose with its evidence: natural logarithms of the odds that the pose is right rather

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <memory>
 #include <tuple>
@@ -11,6 +12,7 @@
 
 #include "core/base/odds.h"
 #include "infer/depth/measured_view.h"
+#include "infer/initial/pose_priors.h"
 #include "infer/initial/same_pose.h"
 #include "infer/view/alike.h"
 
@@ -22,7 +24,8 @@ namespace {
 /// leaves the choice ambiguous. The third decides unless something else speaks against it. One
 /// sensor in a thousand is assumed to be mounted otherwise than several others, and one frame in a
 /// thousand to have the labels of a symmetry.
-const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2, kUsual = kDecides + kTells;
+const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2,
+             kUsual = std::log(kUnusualOdds);
 
 /// For each sensor the index of its option; -1: it has none, or any.
 using Choice = std::vector<int>;
@@ -81,6 +84,7 @@ class Rig {
       views_.push_back(sensor.view);
       DropImprobable(options_.size() - 1);
     }
+    WeighPriors(sensors);
   }
 
   std::size_t size() const { return options_.size(); }
@@ -88,7 +92,7 @@ class Rig {
 
   /// Log odds of a choice, up to a constant.
   double Score(const Choice& choice, Count count) {
-    double score = -Deviations(choice);
+    double score = ByPriors(choice) - Deviations(choice);
     CauseShares between = {};
     for (std::size_t i = 0; i < size(); ++i) {
       if (choice[i] < 0) continue;
@@ -185,6 +189,40 @@ class Rig {
       }
     }
     return choice;
+  }
+
+  /// Log likelihoods of the options by the sensors' priors, in each world that is possible.
+  void WeighPriors(const std::vector<SensorCandidates>& sensors) {
+    std::vector<const PosePrior*> priors;
+    std::vector<std::vector<Pose>> poses(size());
+    for (std::size_t i = 0; i < size(); ++i) {
+      priors.push_back(sensors[i].prior);
+      for (const Option& option : options_[i])
+        poses[i].push_back(option.pose.structure_from_sensor);
+    }
+    for (const WorldPlacement& world : FindWorlds(priors, poses)) {
+      std::vector<std::vector<double>> of_options(size());
+      for (std::size_t i = 0; i < size(); ++i) {
+        if (!priors[i]) continue;
+        const Pose expected = world.Place(priors[i]->world_from_sensor);
+        for (const Pose& pose : poses[i])
+          of_options[i].push_back(PriorLogLikelihood(*priors[i], expected, pose));
+      }
+      by_priors_.push_back(std::move(of_options));
+    }
+  }
+
+  double ByPriors(const Choice& choice) const {
+    double best = by_priors_.empty() ? 0 : -std::numeric_limits<double>::infinity();
+    for (const std::vector<std::vector<double>>& of_options : by_priors_) {
+      double sum = 0;
+      for (std::size_t i = 0; i < size(); ++i) {
+        if (choice[i] >= 0 && !of_options[i].empty())
+          sum += of_options[i][static_cast<std::size_t>(choice[i])];
+      }
+      best = std::max(best, sum);
+    }
+    return best;
   }
 
   void DropImprobable(std::size_t i) {
@@ -289,6 +327,8 @@ class Rig {
   std::vector<std::vector<Option>> options_;
   std::vector<std::unique_ptr<MeasuredView>> measured_;  // made on demand
   std::map<std::tuple<std::size_t, std::size_t, int, int>, CauseShares> of_pairs_;
+  /// Of each possible world, for each sensor with a prior and each of its options.
+  std::vector<std::vector<std::vector<double>>> by_priors_;
 };
 
 /// Another choice, and the log odds of the chosen one against it.

@@ -4,6 +4,7 @@
 
 #include "core/geometry/structure.h"
 #include "infer/initial/pose_choice.h"
+#include "infer/view/pose_prior.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -21,10 +22,11 @@ struct SensorCandidates {
   /// it. A number that it does not have, or whose pose the views refute by kDecisiveOdds, is
   /// ignored.
   int chosen = 0;
+  const PosePrior* prior = nullptr;  ///< null: none
 };
 
 /// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another.
-/// It takes the set of poses with the largest sum of log odds. Four things count.
+/// It takes the set of poses with the largest sum of log odds. Five things count.
 ///
 /// Each sensor's own depths, outline, floor and labels count (PoseCandidate). Labels tell one step
 /// of a spiral from the next, but not up from down: a network labels a part of the structure upside
@@ -32,7 +34,7 @@ struct SensorCandidates {
 /// a surface that the other measured (infer/depth/measured_view.h). Sensors of a rig are usually
 /// mounted alike: the same side of the picture is up, or one side for upright pictures and one for
 /// those on their side. Where nothing else tells, they are assumed to be mounted as those that the
-/// network was trained on.
+/// network was trained on. Priors of poses count in the world (FindWorlds) that suits the set best.
 ///
 /// A sensor is ambiguous where another set of poses, in which it has another pose, has odds of more
 /// than 1 to kDecisiveOdds. A sensor's depths and outline count from odds of its square root on, so

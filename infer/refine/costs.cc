@@ -61,7 +61,7 @@ void Whiten(const Eigen::Matrix<T, 3, 1>& apart, Eigen::Quaternion<T> turn,
 }
 
 /// See PosePriorCost.
-struct PosePrior {
+struct LoosePrior {
   Pose prior;
   PoseSigmas sigmas;
 
@@ -98,6 +98,41 @@ struct Tie {
   }
 };
 
+/// See KnownPoseCost.
+struct KnownPose {
+  Pose prior;
+  PoseSigmas sigmas;
+
+  template <class T>
+  bool operator()(const T* world, const T* scale, const T* placement, const T* pose,
+                  T* residuals) const {
+    using std::exp;
+    using Quaternion = Eigen::Quaternion<T>;
+    using Vector = Eigen::Matrix<T, 3, 1>;
+    const auto rotation = [](const T* block) {
+      return Eigen::Map<const Quaternion>(block).normalized();
+    };
+    const auto translation = [](const T* block) { return Eigen::Map<const Vector>(block + 4); };
+    const Quaternion of_world = rotation(world), of_placement = rotation(placement);
+    const Vector expected =
+        of_world * (exp(*scale) * prior.translation().cast<T>()) + translation(world);
+    const Vector apart = of_placement * translation(pose) + translation(placement) - expected;
+    const Quaternion turned = of_world * Eigen::Quaterniond(prior.linear()).cast<T>();
+    Whiten(apart, of_placement * rotation(pose) * turned.conjugate(), sigmas, residuals);
+    return true;
+  }
+  template <class T>
+  bool operator()(const T* world, const T* placement, const T* pose, T* residuals) const {
+    const T metric(0);
+    return (*this)(world, &metric, placement, pose, residuals);
+  }
+  template <class T>
+  bool operator()(const T* placement, const T* pose, T* residuals) const {
+    const T identity[] = {T(0), T(0), T(0), T(1), T(0), T(0), T(0)};
+    return (*this)(identity, placement, pose, residuals);
+  }
+};
+
 /// See DriftCost.
 struct Drift {
   double sigma;
@@ -116,10 +151,23 @@ ceres::CostFunction* TieCost(double sigma_translation, double sigma_rotation) {
       new Tie{{sigma_translation, sigma_rotation}});
 }
 
+ceres::CostFunction* KnownPoseCost(const PosePrior& prior) {
+  auto* known = new KnownPose{prior.world_from_sensor, {prior.sigma_m, prior.sigma_deg * kDegree}};
+  switch (prior.world) {
+    case PriorWorld::kStructure:
+      return new ceres::AutoDiffCostFunction<KnownPose, 6, 7, 7>(known);
+    case PriorWorld::kMetric:
+      return new ceres::AutoDiffCostFunction<KnownPose, 6, 7, 7, 7>(known);
+    case PriorWorld::kScaleFree:
+      break;
+  }
+  return new ceres::AutoDiffCostFunction<KnownPose, 6, 7, 1, 7, 7>(known);
+}
+
 ceres::CostFunction* PosePriorCost(const Pose& prior, double sigma_translation,
                                    double sigma_rotation) {
-  return new ceres::AutoDiffCostFunction<PosePrior, 6, 7>(
-      new PosePrior{prior, {sigma_translation, sigma_rotation}});
+  return new ceres::AutoDiffCostFunction<LoosePrior, 6, 7>(
+      new LoosePrior{prior, {sigma_translation, sigma_rotation}});
 }
 
 ceres::CostFunction* PriorCost(const Eigen::VectorXd& sigmas) {

@@ -14,6 +14,7 @@
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/pose_block.h"
+#include "infer/view/pose_prior.h"
 
 namespace volalign::refine_internal {
 
@@ -82,6 +83,12 @@ ceres::CostFunction* LensEvidenceCost(const LensEvidence& evidence);
 /// measurement constrains, and bounds their variance.
 ceres::CostFunction* PosePriorCost(const Pose& prior, double sigma_translation,
                                    double sigma_rotation);
+
+/// The difference of a sensor's pose from its prior: [t - W p; 2 vec(q q_p^-1)], divided by
+/// standard deviations. W moves and scales the prior's position p and turns its rotation q_p.
+/// Parameters: the motion of W and the logarithm of its scale, as far as PosePrior::world leaves
+/// them open; the placement P and the pose T. t and q are of P T.
+ceres::CostFunction* KnownPoseCost(const PosePrior& prior);
 
 /// The change of a sensor's pose between two captures: [t_b - t_a; 2 vec(q_b q_a^-1)] of the poses
 /// P_a T_a and P_b T_b. It is divided by standard deviations, m and rad. Parameters: P_a, T_a, P_b,

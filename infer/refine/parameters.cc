@@ -114,6 +114,8 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
         {state->boxes[still].data(), Boxes(still), 3 * build_.boxes, 3 * build_.boxes});
   for (std::size_t still = 0; still < stills_; ++still)
     blocks.push_back({state->bulges[still].data(), Bulges(still), build_.sides, build_.sides});
+  blocks.push_back({state->world.values, World(), 7, 6});
+  blocks.push_back({&state->world_scale, WorldScale(), 1, 1});
   return blocks;
 }
 

@@ -126,6 +126,8 @@ struct State {
   std::vector<double> offsets;        ///< of each frame, since a sensor's offset may drift
   std::vector<SensorErrorVector> errors;    ///< of each sensor
   std::vector<LensChange> lenses;           ///< from the assumed intrinsics
+  PoseBlock world;                          ///< structure_from_world of the pose priors
+  double world_scale = 0;                   ///< logarithm of its scale
   double size = 0;                          ///< of all boxes, scale - 1
   std::vector<std::vector<double>> boxes;   ///< of each capture, see BuildModel
   std::vector<std::vector<double>> bulges;  ///< of each capture, see BuildModel
@@ -172,7 +174,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 /// Order of all parameters in tangent spaces: columns of a Jacobian, rows of a covariance. First
 /// the frames' poses (6 each) and the placements of all captures but the first (6 each). Then the
 /// frames' depth offsets, the sensors' errors (kSensorErrors each) and the lenses (kLensParameters
-/// each). Last the size, the boxes of each capture, and the bulges of each capture.
+/// each). Then the size, the boxes of each capture, and the bulges of each capture. Last the
+/// motion of the pose priors' world (6) and its scale.
 class ParameterLayout {
  public:
   ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
@@ -183,7 +186,7 @@ class ParameterLayout {
   std::size_t stills() const { return stills_; }
   std::size_t boxes() const { return static_cast<std::size_t>(build_.boxes); }  ///< of one capture
   std::size_t lenses() const { return lenses_; }
-  Eigen::Index size() const { return Bulges(stills_); }
+  Eigen::Index size() const { return WorldScale() + 1; }
 
   Eigen::Index Pose(std::size_t frame) const { return static_cast<Eigen::Index>(6 * frame); }
   /// `still`: not the first.
@@ -214,6 +217,8 @@ class ParameterLayout {
     return Boxes(stills_) +
            static_cast<Eigen::Index>(build_.sides) * static_cast<Eigen::Index>(still);
   }
+  Eigen::Index World() const { return Bulges(stills_); }
+  Eigen::Index WorldScale() const { return World() + 6; }
 
   /// A block of Ceres parameters and the first of its columns.
   struct Block {
@@ -225,7 +230,8 @@ class ParameterLayout {
   /// The blocks of a state in the order of their columns. They point into it.
   std::vector<Block> Blocks(State* state) const;
 
-  /// Standard deviation of every parameter's prior. Poses have 1 m and 1 rad (see PosePriorCost).
+  /// Standard deviation of every parameter's prior. Poses and the world have 1 m and 1 rad (see
+  /// PosePriorCost), its scale has 1.
   /// `errors`: of each frame. Offsets of n frames of one sensor have a prior that is wider by the
   /// root of n: DriftCost ties them.
   Eigen::VectorXd PriorSigmas(const Priors& priors, const std::vector<DepthErrorModel>& errors,
@@ -234,8 +240,8 @@ class ParameterLayout {
   /// The columns that move a frame's residuals, in the order of FrameColumns, with 6 of the pose.
   std::vector<Eigen::Index> ColumnsOf(std::size_t frame) const;
 
-  /// Is a column free whenever its frame is? So are poses, placements, bulges and a sensor's
-  /// errors, except its gain and focal length.
+  /// Is a column free whenever its frame is? So are poses, placements, bulges, the world and a
+  /// sensor's errors, except its gain and focal length.
   bool IsAlwaysFree(Eigen::Index column) const;
 
   /// The group of a column; kPriorGroups where its prior is never narrowed.

@@ -13,6 +13,7 @@
 #include "infer/refine/overlap.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
+#include "infer/view/pose_prior.h"
 
 namespace volalign {
 
@@ -26,6 +27,9 @@ struct FrameInput {
   /// Index of the sensor among those of all captures; -1: one of its own.
   int sensor = -1;
   int still = 0;  ///< index into the placements
+  /// A prior of the pose first_from_sensor. Its world is brought near the structure frame of the
+  /// first capture; what PosePrior::world leaves open is estimated.
+  std::optional<PosePrior> prior = {};
   /// The noise that an earlier refinement fitted (RefinedFrame::noise), to be kept. Nothing: it is
   /// fitted.
   std::optional<refine_internal::NoiseModel> noise = {};

@@ -115,6 +115,9 @@ struct RefineResult {
   std::vector<RefinedLens> lenses;           ///< of those given
   bool size_estimated = false;
   double size_scale = 1, sigma_size_scale = 0;
+  /// Where the world of the priors (FrameInput::prior) lies in the structure of the first capture.
+  Pose structure_from_world = Pose::Identity();
+  double world_scale = 1;
   /// Those of the size, of each box in each capture, and of each sensor's depths.
   std::vector<RefinedQuantity> quantities;
   /// The likeliest one, if a frame disagrees or a quantity is kClearly off its prior.

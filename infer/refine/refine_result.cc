@@ -278,6 +278,8 @@ RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
       free.size && std::any_of(result.frames.begin(), result.frames.end(),
                                [](const RefinedFrame& frame) { return frame.solved; });
   result.size_scale = 1 + state.size;
+  result.structure_from_world = state.world.ToPose();
+  result.world_scale = std::exp(state.world_scale);
   result.converged = state.converged;
   for (std::size_t lens = 0; lens < given_lenses; ++lens)
     result.lenses.push_back({state.lenses[lens], free.lens[lens] != 0});

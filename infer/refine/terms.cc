@@ -78,6 +78,23 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
   }
 }
 
+/// Adds the priors of the sensors' poses, each to the sensor's first frame that is not fixed.
+void AddPosePriors(const JointProblem& problem, const std::vector<char>& held, State* state,
+                   CeresProblem* ceres) {
+  std::vector<char> has_prior(state->errors.size(), 0);
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    const std::optional<PosePrior>& prior = problem.frames[i].prior;
+    if (held[i] || !prior || has_prior[state->SensorOf(i)]) continue;
+    has_prior[state->SensorOf(i)] = 1;
+    std::vector<double*> blocks;
+    if (prior->world != PriorWorld::kStructure) blocks.push_back(state->world.values);
+    if (prior->world == PriorWorld::kScaleFree) blocks.push_back(&state->world_scale);
+    blocks.push_back(state->placements[state->StillOf(i)].values);
+    blocks.push_back(state->poses[i].values);
+    ceres->problem->AddResidualBlock(KnownPoseCost(*prior), nullptr, blocks);
+  }
+}
+
 /// Adds a block with its prior and its constant elements. The prior of a pose is about its current
 /// value.
 void AddBlock(const ParameterLayout::Block& block, const Eigen::VectorXd& sigmas,
@@ -127,6 +144,7 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
       AddStructureTerms(problem, observed[i], i, state, &ceres);
   }
   AddTies(problem, held, state, &ceres);
+  AddPosePriors(problem, held, state, &ceres);
   for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
     ceres.problem->AddResidualBlock(LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
                                     state->lenses[lens].data());

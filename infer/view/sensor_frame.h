@@ -9,6 +9,7 @@
 #include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
 #include "infer/view/alike.h"
+#include "infer/view/pose_prior.h"
 
 namespace volalign {
 
@@ -29,6 +30,7 @@ struct SensorFrame {
   /// The kind of device, a name of the intrinsics pool. Sensors of one kind have similar lenses.
   /// Empty or an unknown name: an unknown kind.
   std::string sensor;
+  std::optional<PosePrior> prior;    ///< of its pose
   std::optional<Pose> ground_truth;  ///< structure_from_sensor
 
   // Copied to extrinsics.json, not used.

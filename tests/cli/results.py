@@ -62,6 +62,40 @@ class Results(WithACapture):
         # The resolved options, which --config reads again.
         self.assertEqual(self.expect("config show out/options.yaml", 0, "max_overlap_points: 3999"), self.read("out/options.yaml"))
 
+    def test_known_poses_of_another_program(self):
+        capture = self.capture()
+        truth = capture["ground_truth"]
+        # A world in centimetres, whose axes are the structure's in another order.
+        turned = [[0, 0, 1, 250], [1, 0, 0, -40], [0, 1, 0, 90]]
+
+        def in_world(pose):
+            rows = [[sum(t[k] * pose[k][j] for k in range(3)) for j in range(4)] for t in turned]
+            return [row[:3] + [100 * row[3] + t[3]] for row, t in zip(rows, turned)] + [[0, 0, 0, 1]]
+
+        poses = {name: in_world(pose) for name, pose in truth.items()}
+        for sensor in capture["sensors"]:
+            sensor["prior"] = {"world_from_sensor": poses[sensor["name"]], "scale": "free", "sigma_m": 0.05, "sigma_deg": 3}
+        self.write("capture/known.json", json.dumps(capture))
+        self.expect(f"calibrate --capture capture/known.json {MODEL} -o out", 0)
+        self.assertNotIn("prior", self.json("out/extrinsics.json")["sensors"]["A"], "two sensors do not tell a scale")
+        for sensor in capture["sensors"]:
+            sensor["prior"] = {"structure_from_sensor": truth[sensor["name"]], "sigma_m": 0.05, "sigma_deg": 3}
+        capture["sensors"][1]["prior"]["structure_from_sensor"][0][3] += 1
+        self.write("capture/known.json", json.dumps(capture))
+        self.expect(f"calibrate --capture capture/known.json {MODEL} -o out", 0, "the prior of B has it 1.00 m")
+        result = self.json("out/extrinsics.json")
+        self.assertEqual([result["sensors"][name]["prior_used"] for name in "AB"], [True, False])
+        self.assertEqual([(finding["code"], finding["about"]) for finding in result["findings"]], [("prior_off", ["B"])])
+        # The result serves as a prior, through other formats, too.
+        self.expect("convert out --to tum -o known.tum", 0)
+        self.write("known.tum", "".join(line for line in self.read("known.tum").splitlines(True) if line[0] != "#"))
+        given = f"calibrate --capture capture/capture.json {MODEL} -o again --prior-sigma 0.002,0.1 --prior"
+        self.expect(f"{given} out/extrinsics.json", 0)
+        self.assertTrue(self.json("again/extrinsics.json")["sensors"]["A"]["prior_used"])
+        self.expect_error(f"{given} known.tum --prior-from tum", "known.tum", "none is a sensor of the capture")
+        self.expect_error(f"{given} known.tum --prior-from nothing", "nothing", "tum")
+        self.expect_error(given.replace("0.002", "0") + " out/extrinsics.json", "standard deviation")
+
     def test_calibrates_captures_of_several_placements(self):
         sensor = "sensor: azure_kinect_nfov_binned, rho_cm: 200, height_cm: 60, roll_deg: 90"
         self.write("rig.yaml", f"room: false\nnoise: none\nsensors: [{{name: A, phi_deg: 30, {sensor}}}, {{name: B, phi_deg: 100, {sensor}}}]\n"

@@ -52,7 +52,7 @@ NOT_RUN = [
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "own-boxes", "own-rig", "sensor-models", "training")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training")]
 
 
 def all_pages():
@@ -237,6 +237,12 @@ class Tutorials(InAFolder):
         self.run_command("volalign render --rig now.yaml -o now")
         (printed,) = self.run_page("docs/check.md").values()
         self.assertIn("the other 2 agree", printed)
+
+    def test_known_poses(self):
+        self.run_page("docs/known-poses.md")
+        for name, sensor in self.expect_ok("out", 4).items():
+            self.assertTrue(sensor["prior_used"], name)
+            self.assertLess(math.dist(*([row[3] for row in pose[:3]] for pose in (sensor["structure_from_sensor"], sensor["prior"]))), 0.005)
 
     def test_deployment(self):
         self.run_page("docs/deployment.md")

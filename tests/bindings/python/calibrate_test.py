@@ -139,6 +139,20 @@ def test_ground_truth_gives_errors():
     assert sensor.error == pytest.approx(expected)
 
 
+def test_known_poses():
+    def known(**options):
+        frames = [frame_of(name, depth_of(true_pose(angle)), prior=true_pose(angle), **options) for name, angle in ANGLES.items()]
+        return volalign.calibrate(volalign.Capture(frames), structure=capture_of().structure, model=None)
+
+    for sensor in known(prior_sigma=(0.01, 0.5)).sensors.values():
+        assert sensor.prior_used
+        np.testing.assert_allclose(sensor.prior, sensor.structure_from_sensor, atol=0.01)
+    with pytest.raises(volalign.DataError, match="prior_world"):
+        known(prior_world="mine", prior_sigma=(0.01, 0.5))
+    with pytest.raises(volalign.DataError, match="sigma"):
+        known()
+
+
 def test_files(result, tmp_path):
     result.save(tmp_path / "out")
     assert result.to_dict() == json.loads((tmp_path / "out" / "extrinsics.json").read_text())

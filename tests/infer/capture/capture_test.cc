@@ -54,6 +54,32 @@ class CaptureTest : public ::testing::Test {
   TempFolder folder_;
 };
 
+TEST_F(CaptureTest, ReadsPriorsOfPoses) {
+  const std::string pose = "[[0,0,1,1],[1,0,0,2],[0,1,0,3],[0,0,0,1]]";
+  const auto write = [&](const std::string& prior) {
+    return WriteSensor(R"("depth": "a.pgm", "prior": )" + prior + ", " + kIntrinsics);
+  };
+  const auto read = [&](const std::string& prior) {
+    return *ReadCapture(write(prior)).sensors[0].prior;
+  };
+  const std::string sigmas = R"("sigma_m": 0.5, "sigma_deg": 7)";
+  const PosePrior plain = read(R"({"structure_from_sensor": )" + pose + ", " + sigmas + "}");
+  EXPECT_EQ(plain.world, PriorWorld::kStructure);
+  EXPECT_EQ(plain.world_from_sensor.translation(), Eigen::Vector3d(1, 2, 3));
+  const PosePrior full =
+      read(R"({"world_from_sensor": )" + pose + R"(, "scale": "free", )" + sigmas + "}");
+  EXPECT_EQ(full.world, PriorWorld::kScaleFree);
+  EXPECT_DOUBLE_EQ(full.sigma_m, 0.5);
+  EXPECT_DOUBLE_EQ(full.sigma_deg, 7);
+  EXPECT_EQ(read(R"({"world_from_sensor": )" + pose + ", " + sigmas + "}").world,
+            PriorWorld::kMetric);
+  ExpectBad(write(R"({"world_from_sensor": )" + pose + "}"), {"sigma_m"});
+  ExpectBad(write("{}"), {"\"A\"", "prior", "world_from_sensor"});
+  ExpectBad(write(R"({"structure_from_sensor": )" + pose + R"(, "scale": "free"})"), {"scale"});
+  ExpectBad(write(R"({"world_from_sensor": )" + pose + R"(, "sigma": 1})"), {"sigma"});
+  ExpectBad(write(R"({"world_from_sensor": [[1]]})"), {"world_from_sensor"});
+}
+
 TEST_F(CaptureTest, ReadsEveryField) {
   const Capture capture = ReadCapture(Write(std::string(R"({
     "format": "volalign.capture/1", "depth_scale": 0.001, "structure": "s.glb",

@@ -93,6 +93,12 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
                      }});
     }
   }
+  for (int k = 0; k < 6; ++k) {
+    all.push_back({"world" + std::to_string(k), layout.World() + k,
+                   [k](State* s, double h) { MovePose(k, h, &s->world); }});
+  }
+  all.push_back(
+      {"scale of the world", layout.WorldScale(), [](State* s, double h) { s->world_scale += h; }});
   return all;
 }
 
@@ -114,6 +120,8 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     points[i].intrinsics = rig.frames[i].intrinsics;
     frames.push_back({testing_infer::Borrowed(points[i]), start, sensor, sensor, i == 2 ? 1 : 0});
   }
+  for (std::size_t i = 0; i < 2; ++i)
+    frames[i].prior = PosePrior{Displaced(frames[i].start, 0.1, 3, 7), PriorWorld::kScaleFree};
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   const RefineOptions options;
   const JointProblem problem(rig.structure, frames, options, lenses, 2);
@@ -158,6 +166,8 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
                 state.bulges[still].begin());
     }
     state.size = before.size;
+    state.world = before.world;
+    state.world_scale = before.world_scale;
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
   };
@@ -185,7 +195,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   seam.tilt_m = 0.003;
   seam.bounce_m = 0.004;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {seam, none}, {lens});
-  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + kSensorErrors) + 3 + 1 + (3 + 5) * 3);
+  ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + kSensorErrors) + 3 + 1 + (3 + 5) * 3 + 7);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
   for (std::size_t i = 0; i < 2; ++i) {
     EXPECT_EQ(sigmas[layout.Pose(i) + 5], 1);
@@ -204,7 +214,8 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 1], 0.004);
     EXPECT_EQ(sigmas[layout.Boxes() + 3 * b + 2], 0.009);
   }
-  EXPECT_TRUE((sigmas.tail(5 * 3).array() == 0.002).all());
+  EXPECT_TRUE((sigmas.segment(layout.Bulges(0), 5 * 3).array() == 0.002).all());
+  EXPECT_TRUE((sigmas.tail(7).array() == 1).all()) << "the world of pose priors";
 }
 
 TEST(ParameterLayout, WhatIsNotFreeIsConstant) {
