@@ -148,6 +148,39 @@ std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
   return findings;
 }
 
+namespace {
+
+/// Does a point lie closely above an upper side, and not on the structure?
+bool StandsOn(const Side& side, const Structure& structure, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d from = point - side.centre;
+  const double above = from.dot(side.normal);
+  return side.face == Face::kUp && above > kRoughPose && above < kFarthestOff &&
+         std::abs(from.dot(side.axis_u)) < side.half_u - kRoughPose &&
+         std::abs(from.dot(side.axis_v)) < side.half_v - kRoughPose &&
+         DistanceToSurface(structure, point).distance > kRoughPose;
+}
+
+/// For each label, how many frames measure something that stands on the side.
+std::vector<int> CountStanding(const std::vector<std::pair<const SensorView*, Pose>>& frames,
+                               const Structure& structure) {
+  std::vector<int> standing(static_cast<std::size_t>(structure.num_classes()), 0);
+  for (const auto& [view, pose] : frames) {
+    std::vector<std::size_t> points(standing.size(), 0);
+    view->VisitMeasured(1, [&, &from_sensor = pose, &seen = *view](int u, int v) {
+      const Eigen::Vector3d point = from_sensor * seen.Point(u, v);
+      for (int label = 1; label < structure.num_classes(); ++label) {
+        if (StandsOn(structure.SideOfLabel(label), structure, point))
+          ++points[static_cast<std::size_t>(label)];
+      }
+    });
+    for (std::size_t label = 1; label < standing.size(); ++label)
+      standing[label] += points[label] >= kFewProbes ? 1 : 0;
+  }
+  return standing;
+}
+
+}  // namespace
+
 std::vector<RigFinding> FindCoveredSides(
     const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure) {
   struct Shown {
@@ -168,16 +201,21 @@ std::vector<RigFinding> FindCoveredSides(
     for (std::size_t label = 1; label < of_label.size(); ++label)
       of_label[label].frames += 4 * pixels[label] >= kFewProbes ? 1 : 0;
   }
+  const std::vector<int> standing = CountStanding(frames, structure);
   std::vector<RigFinding> findings;
   for (int label = 1; label < structure.num_classes(); ++label) {
     const Shown& shown = of_label[static_cast<std::size_t>(label)];
-    if (shown.frames < 2 || shown.hidden < (1 - 2 * kLeastShown) * shown.pixels) continue;
+    const int on_it = standing[static_cast<std::size_t>(label)];
+    const bool hidden = shown.frames >= 2 && shown.hidden >= (1 - 2 * kLeastShown) * shown.pixels;
+    if (!hidden && on_it < 2) continue;
     const Side& side = structure.SideOfLabel(label);
     findings.push_back(
         {RigCode::kBoxOff,
          {structure.boxes()[static_cast<std::size_t>(side.box)].name},
-         fmt::format("{} should be seen by {} sensors, and something nearer lies before most of it",
-                     side.name, shown.frames),
+         hidden ? fmt::format("{} should be seen by {} sensors, and something nearer lies before "
+                              "most of it",
+                              side.name, shown.frames)
+                : fmt::format("something stands on {}, as {} sensors show", side.name, on_it),
          "look for a box that the structure file does not have, or take away what stands there"});
   }
   return findings;

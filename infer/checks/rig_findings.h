@@ -39,8 +39,8 @@ std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
                                           const Structure& structure);
 
 /// Findings about sides that two frames or more should show but that something nearer hides for the
-/// most part. It may be a box that the structure does not have. `frames`: views with their
-/// structure_from_sensor.
+/// most part, and about upper sides on which two frames measure something. It may be a box that the
+/// structure does not have. `frames`: views with their structure_from_sensor.
 std::vector<RigFinding> FindCoveredSides(
     const std::vector<std::pair<const SensorView*, Pose>>& frames, const Structure& structure);
 

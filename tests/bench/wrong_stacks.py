@@ -100,6 +100,8 @@ NAMED_BY = {"frames scaled": ("size_off", "depth_off", "depth_scale", "pair_apar
 def is_named(kind, fault, result):
     """Is it said, and of the right boxes? What else looks the same may be named beside it."""
     sentence = result.get("assembly", {}).get("sentence", "")
+    if kind == "left out" and any("does not have" in finding["hint"] for finding in result.get("findings", [])):
+        return True
     if kind in ("turned", "edge", "higher") and any(finding["code"] == "box_off" and finding["about"] == [fault] for finding in result.get("findings", [])):
         return True
     if kind == "left out" and any("something nearer lies before most of it" in finding["reason"] for finding in result.get("findings", [])):

@@ -104,6 +104,32 @@ TEST(RigFindings, WhatStandsOnTheStackCoversIt) {
   }
 }
 
+// Sensors below the top do not see the upper side, but what stands on it.
+TEST(RigFindings, WhatStandsOnTheStackIsSeenFromBelow) {
+  const Structure described = TwoBoxes();
+  std::vector<Box> boxes = described.boxes();
+  for (const bool more : {false, true}) {
+    if (more) boxes.push_back(Box::FromMinMax("more", {-0.1, 0.6, -0.08}, {0.1, 0.8, 0.08}));
+    testing_infer::Rig rig{Structure::FromBoxes("built", boxes), {}, {}};
+    std::vector<SensorView> views;
+    for (const double phi : {20.0, 140.0}) {
+      rig.Add("S", testing_infer::RingPose(phi, 1.5, 0.5, 90, {0, 0.4, 0}));
+      views.push_back(MakeSensorView(rig.frames.back(), rig.frames.back().intrinsics));
+    }
+    const auto find = [&](double shift) {
+      Pose second = *rig.frames[1].ground_truth;
+      second.translation().y() += shift;
+      return FindCoveredSides({{&views[0], *rig.frames[0].ground_truth}, {&views[1], second}},
+                              described);
+    };
+    ASSERT_EQ(find(0).size(), more ? 1U : 0U);
+    if (!more) continue;
+    EXPECT_EQ(find(0)[0].about, std::vector<std::string>{"high"});
+    EXPECT_EQ(find(0)[0].reason, "something stands on high/up, as 2 sensors show");
+    EXPECT_TRUE(find(-0.3).empty()) << "one sensor alone";
+  }
+}
+
 TEST(RigFindings, PairsFarBeyondTheirPrediction) {
   RefineResult refined;
   refined.pairs.resize(2);
