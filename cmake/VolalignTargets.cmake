@@ -43,12 +43,14 @@ if(VOLALIGN_FUZZ)
 endif()
 target_include_directories(volalign_options INTERFACE "${PROJECT_SOURCE_DIR}" ${VOLALIGN_FIRST_INCLUDES})
 
-# volalign_kernels(VARIABLE FILE.inc): sources that compile a file of kernels once for each instruction set, under a namespace of its own (VOLALIGN_SET, with
-# VOLALIGN_LANES numbers in a vector); the program takes what the processor has (core/base/kernel_sets.h).
+# volalign_kernels(VARIABLE FILE.inc [OPTIONS o ...] [SETS "name lanes option ..." ...]): sources that compile a file of kernels once for each instruction set,
+# under a namespace of its own (VOLALIGN_SET, with VOLALIGN_LANES numbers in a vector); the program takes what the processor has (core/base/kernel_sets.h).
+# SETS are more of them, of x86-64.
 function(volalign_kernels variable file)
+  cmake_parse_arguments(ARG "" "" "OPTIONS;SETS" ${ARGN})
   set(sets "baseline 4")
   if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
-    list(APPEND sets "avx2 8 -march=x86-64-v3" "avx512 16 -march=x86-64-v4")
+    list(APPEND sets "avx2 8 -march=x86-64-v3" "avx512 16 -march=x86-64-v4" ${ARG_SETS})
   endif()
   file(RELATIVE_PATH path "${PROJECT_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}/${file}")
   foreach(entry IN LISTS sets)
@@ -56,8 +58,10 @@ function(volalign_kernels variable file)
     list(POP_FRONT words set lanes)
     string(REPLACE ".inc" "_${set}.cc" source "${CMAKE_CURRENT_BINARY_DIR}/${file}")
     file(CONFIGURE OUTPUT "${source}" CONTENT "#define VOLALIGN_SET ${set}\n#define VOLALIGN_LANES ${lanes}\n#include \"${path}\"\n")
-    # Loops become vector instructions only where no square root sets errno and no comparison may trap.
-    set_source_files_properties("${source}" PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON COMPILE_OPTIONS "-O3;-fno-math-errno;-fno-trapping-math;${words}")
+    # Loops become vector instructions only where no square root sets errno and no comparison may trap. Vectors wider than the instruction set's are passed
+    # between functions of one file only.
+    set_source_files_properties("${source}" PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON
+      COMPILE_OPTIONS "-O3;-fno-math-errno;-fno-trapping-math;-Wno-psabi;${ARG_OPTIONS};${words}")
     list(APPEND sources "${source}")
   endforeach()
   set(${variable} ${sources} PARENT_SCOPE)

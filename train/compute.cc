@@ -131,7 +131,8 @@ void KeepFreedMemory() {
 }
 
 void WaitPassively() {
-  if (std::getenv("OMP_WAIT_POLICY") != nullptr) return;
+  constexpr const char *kPolicy = "OMP_WAIT_POLICY", *kMatrixThreads = "OPENBLAS_NUM_THREADS";
+  if (std::getenv(kPolicy) != nullptr && std::getenv(kMatrixThreads) != nullptr) return;
   std::error_code unknown;
   const std::string program = std::filesystem::read_symlink("/proc/self/exe", unknown).string();
   std::vector<std::string> command = OwnCommand();
@@ -139,7 +140,9 @@ void WaitPassively() {
   for (std::string& argument : command) arguments.push_back(argument.data());
   arguments.push_back(nullptr);
   // If it cannot be started again, it continues.
-  if (setenv("OMP_WAIT_POLICY", "PASSIVE", 1) == 0) execv(program.c_str(), arguments.data());
+  constexpr int kKeep = 0;
+  if (setenv(kPolicy, "PASSIVE", kKeep) == 0 && setenv(kMatrixThreads, "1", kKeep) == 0)
+    execv(program.c_str(), arguments.data());
 }
 
 std::string ToString(const Compute& compute) {

@@ -60,10 +60,11 @@ int WithinQuota(const std::string& cpu_max, int processors);
 /// maps all have such blocks. Called by the program, as SetTorchThreads.
 void KeepFreedMemory();
 
-/// From now on OpenMP's threads sleep while they wait for work, unless OMP_WAIT_POLICY says
-/// otherwise. By default they spin for a while, which slows the other threads on a shared
-/// processor. OpenMP reads the variable while it is loaded. So the program starts itself again with
-/// its arguments: call this before other work.
+/// From now on OpenMP's threads sleep while they wait for work, and OpenBLAS has no threads of its
+/// own, unless OMP_WAIT_POLICY or OPENBLAS_NUM_THREADS says otherwise. By default OpenMP's spin for
+/// a while, and OpenBLAS has a thread for each processor for any run.threads. Both slow the other
+/// threads on a shared processor. The libraries read the variables while they are loaded. So the
+/// program starts itself again with its arguments: call this before other work.
 void WaitPassively();
 
 /// "cpu, bf16, channels last".

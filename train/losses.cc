@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "train/pixel_loss.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {
@@ -60,23 +59,14 @@ LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor
 LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
                                   const at::Tensor& labels, const at::Tensor& rays,
                                   std::int64_t samples, double share) const {
+  const at::Tensor segmentation = SegmentationLoss(log_probs, labels);
   if (!config_.procrustes) {
-    const at::Tensor segmentation = SegmentationLoss(log_probs, labels);
     return {share * segmentation,
             at::zeros({}, labels.options()),
             {segmentation, at::zeros({}, log_probs.options().requires_grad(false))}};
   }
-  at::Tensor segmentation, keypoints, visible;
-  if (log_probs.is_cpu()) {
-    const PixelTerms pixels = ComputePixelTerms(log_probs, labels, depth, rays);
-    segmentation = pixels.segmentation;
-    keypoints = pixels.keypoints;
-    visible = pixels.measured.narrow(1, 1, num_classes_ - 1) >= config_.min_side_pixels;
-  } else {
-    segmentation = SegmentationLoss(log_probs, labels);
-    keypoints = SoftKeypoints(log_probs, Deproject(depth, rays));
-    visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
-  }
+  const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, rays)),
+                   visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
   const ProcrustesLoss loss = SoftProcrustesLoss(keypoints, targets_, visible);
   const double ramp = config_.lambda_warmup_samples == 0
                           ? 1.0

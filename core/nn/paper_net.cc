@@ -23,7 +23,7 @@
 #include "core/base/error.h"
 #include "core/model/paper_units.h"
 #include "core/nn/cpu/convolution.h"
-#include "core/nn/training_forward.h"
+#include "core/nn/cpu/winograd.h"
 
 namespace volalign {
 namespace {
@@ -36,6 +36,10 @@ at::Tensor XavierWeight(int in, int out, int kernel) {
   c10::NoGradGuard no_grad;
   weight.uniform_(-bound, bound);
   return weight;
+}
+
+bool IsTwice(const at::Tensor& like, const at::Tensor& x) {
+  return like.size(2) == 2 * x.size(2) && like.size(3) == 2 * x.size(3);
 }
 
 at::Tensor UpsampleTo(const at::Tensor& x, const at::Tensor& like) {
@@ -60,8 +64,30 @@ ConvUnitImpl::ConvUnitImpl(int in, int out, int kernel, Normalization normalizat
   }
 }
 
+bool ConvUnitImpl::IsTrained() const { return is_training() && c10::GradMode::is_enabled(); }
+
 at::Tensor ConvUnitImpl::forward(const at::Tensor& x, at::ScalarType dtype) {
-  at::Tensor y = Convolve(x, weight, dtype, weight.size(2) / 2, bias);
+  if (!IsTrained() || !WinogradSuits(x, weight, dtype))
+    return Normalize(Convolve(x, weight, dtype, weight.size(2) / 2, bias), dtype);
+  at::Tensor y = WinogradConvolve(x, weight, dtype);
+  if (bias.defined()) y.add_(bias.to(dtype).view({1, -1, 1, 1}));
+  return Normalize(y, dtype);
+}
+
+at::Tensor ConvUnitImpl::ForwardEnlarged(const at::Tensor& x, const at::Tensor& like,
+                                         at::ScalarType dtype) {
+  const bool channels_last = x.is_cpu() && x.is_contiguous(at::MemoryFormat::ChannelsLast);
+  if (!IsTrained() || !channels_last || !IsTwice(like, x))
+    return forward(UpsampleTo(x, like), dtype);
+  const at::Tensor phase_weight = PhaseWeight(weight);
+  at::Tensor y = FromPhases(WinogradSuits(x, phase_weight, dtype)
+                                ? WinogradConvolve(x, phase_weight, dtype)
+                                : Convolve(x, phase_weight, dtype, /*padding=*/1));
+  if (bias.defined()) y = y + bias.to(dtype).view({1, -1, 1, 1});
+  return Normalize(y, dtype);
+}
+
+at::Tensor ConvUnitImpl::Normalize(const at::Tensor& y, at::ScalarType dtype) {
   switch (normalization_) {
     case Normalization::kNone:
       return y;
@@ -112,19 +138,12 @@ at::Tensor PaperNetImpl::Relu(ConvUnit& unit, const at::Tensor& x) {
   return unit->forward(x, compute_type()).relu_();
 }
 
-at::Tensor PaperNetImpl::forward(const at::Tensor& input) {
-  if (channels_last() && is_training() && c10::GradMode::is_enabled() && input.is_cpu()) {
-    RequireInput(input);
-    return TrainingForward(layers_, options().normalization, compute_type(), input);
-  }
-  return ForwardWithAttention(input).log_probabilities;
-}
-
 NetworkOutput PaperNetImpl::ForwardWithAttention(const at::Tensor& input) {
   RequireInput(input);
   std::vector<at::Tensor> skips;
+  const at::Tensor ordered = channels_last() && is_training() ? ChannelsLast(input) : input;
   at::Tensor x =
-      layers_.encoder[0][0]->forward(input, at::kFloat).relu_().to(compute_type());  // [B,c,H,W]
+      layers_.encoder[0][0]->forward(ordered, at::kFloat).relu_().to(compute_type());  // [B,c,H,W]
   for (std::size_t g = 0; g < layers_.encoder.size(); ++g) {
     if (g > 0) {
       skips.push_back(x);
@@ -145,7 +164,7 @@ NetworkOutput PaperNetImpl::ForwardWithAttention(const at::Tensor& input) {
     const at::Tensor skip = skips.back();
     skips.pop_back();
     x = Relu(level.second, Relu(level.first, x));
-    x = Relu(level.up, UpsampleTo(x, skip));
+    x = level.up->ForwardEnlarged(x, skip, compute_type()).relu_();
     x = Relu(level.merge, at::cat({x, skip}, 1));
     if (options().attention) x = x * UpsampleTo(mask, x).to(compute_type());
   }

@@ -18,12 +18,19 @@ class ConvUnitImpl : public torch::nn::Module {
  public:
   ConvUnitImpl(int in, int out, int kernel, Normalization normalization);
 
-  /// x [B,in,H,W] -> [B,out,H,W] in `dtype`.
+  /// x [B,in,H,W] -> [B,out,H,W] in `dtype`. In training on a CPU by Winograd's algorithm if that
+  /// is faster (WinogradSuits).
   at::Tensor forward(const at::Tensor& x, at::ScalarType dtype);
+
+  /// The same of x enlarged to the size of `like` by repetition.
+  at::Tensor ForwardEnlarged(const at::Tensor& x, const at::Tensor& like, at::ScalarType dtype);
 
   at::Tensor weight, bias, norm_weight, norm_bias, running_mean, running_var;
 
  private:
+  bool IsTrained() const;
+  at::Tensor Normalize(const at::Tensor& y, at::ScalarType dtype);
+
   Normalization normalization_;
 };
 TORCH_MODULE(ConvUnit);
@@ -57,8 +64,6 @@ class PaperNetImpl : public StructureNetImpl {
   /// Throws ConfigError for invalid options.
   explicit PaperNetImpl(const StructureNetOptions& options);
 
-  /// On a CPU, channels-last training has passes of its own (training_forward.h).
-  at::Tensor forward(const at::Tensor& input) override;
   NetworkOutput ForwardWithAttention(const at::Tensor& input) override;
 
  private:

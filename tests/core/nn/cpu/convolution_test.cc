@@ -72,5 +72,25 @@ TEST(Convolve, HasTheGradientsInBfloat16) {
   }
 }
 
+/// The four phases of a convolution on a small map are the convolution on the enlarged one.
+TEST(FromPhases, IsTheEnlargedConvolution) {
+  const at::Tensor x = at::randn({2, 5, 6, 9}, at::kDouble),
+                   weight = at::randn({8, 5, 3, 3}, at::kDouble);
+  const at::Tensor ours = FromPhases(at::conv2d(x, PhaseWeight(weight), {}, 1, 1)),
+                   expected = at::conv2d(at::upsample_nearest2d(x, {12, 18}), weight, {}, 1, 1);
+  ASSERT_EQ(ours.sizes(), expected.sizes());
+  EXPECT_LT((ours - expected).abs().max().item<double>(), 1e-12);
+  EXPECT_TRUE(ours.is_contiguous(at::MemoryFormat::ChannelsLast));
+}
+
+TEST(ChannelsLast, OrdersAMapOfOneChannelToo) {
+  for (const std::int64_t channels : {1, 2}) {
+    const at::Tensor x = at::randn({2, channels, 3, 4}), ordered = ChannelsLast(x);
+    EXPECT_TRUE(ordered.equal(x));
+    EXPECT_EQ(ordered.strides(), at::IntArrayRef({12 * channels, 1, 4 * channels, channels}));
+    EXPECT_EQ(ordered.suggest_memory_format(), at::MemoryFormat::ChannelsLast);
+  }
+}
+
 }  // namespace
 }  // namespace volalign::convolution_test

@@ -9,17 +9,6 @@
 #include <vector>
 
 #include "core/base/processor.h"
-#include "core/nn/simd/winograd_kernels.h"
-
-#if defined(__x86_64__)
-namespace volalign::simd::avx2_winograd {
-WinogradKernels GetWinograd();
-}
-namespace volalign::simd::avx512_winograd {
-WinogradKernels GetWinograd();
-}
-#endif
-
 namespace volalign::winograd_test {
 
 namespace {
@@ -89,7 +78,8 @@ double RelativeError(const at::Tensor& ours, const at::Tensor& expected) {
 constexpr const char* kWhat[] = {"values", "gradient of x", "gradient of the weight"};
 
 void ExpectTheConvolutionWithItsGradients(at::ScalarType type) {
-  ASSERT_NE(simd::FindWinogradKernels(type == at::kBFloat16), nullptr);
+  const Inputs any = MakeInputs(kCases[0]);
+  ASSERT_TRUE(WinogradSuits(any.x, any.weight, type));
   const int threads = at::get_num_threads();
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
@@ -121,8 +111,7 @@ TEST(WinogradInBFloat16, IsTheConvolutionWithItsGradients) {
 TEST(WinogradConvolve, GivesTheSameTwice) {
   const Inputs in = MakeInputs({3, 2, 20, 20, 64, 64});
   const at::ScalarType type =
-      simd::FindWinogradKernels(true) != nullptr ? at::kBFloat16 : at::kFloat;
-  ASSERT_TRUE(WinogradSuits(in.x, in.weight, type));
+      WinogradSuits(in.x, in.weight, at::kBFloat16) ? at::kBFloat16 : at::kFloat;
   const Results first = ByWinograd(in, type), second = ByWinograd(in, type);
   for (std::size_t i = 0; i < first.size(); ++i)
     EXPECT_TRUE(at::equal(first[i], second[i])) << kWhat[i];
@@ -146,7 +135,7 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
   const auto weight = [](std::int64_t out, std::int64_t in, std::int64_t kernel) {
     return at::zeros({out, in, kernel, kernel});
   };
-  const bool has_kernels = simd::FindWinogradKernels(false) != nullptr;
+  const bool has_kernels = ThisProcessor().avx2;
   EXPECT_EQ(WinogradSuits(x, weight(32, 32, 3), at::kFloat), has_kernels);
   EXPECT_EQ(WinogradSuits(x, weight(16, 32, 2), at::kFloat), has_kernels);
   EXPECT_FALSE(WinogradSuits(x.contiguous(), weight(32, 32, 3), at::kFloat));
@@ -157,42 +146,38 @@ TEST(WinogradSuits, OnlyWhatItCanTakeAndWhereItPays) {
   EXPECT_FALSE(WinogradSuits(x.narrow(0, 0, 1).narrow(2, 0, 1), weight(48, 32, 3), at::kFloat));
 }
 
-#if defined(__x86_64__)
-/// The kernels of float32 that this processor has but FindWinogradKernels does not choose, too.
-TEST(WinogradConvolve, ByTheKernelsOfEachInstructionSet) {
-  std::vector<simd::WinogradKernels> all;
-  if (ThisProcessor().avx2) all.push_back(simd::avx2_winograd::GetWinograd());
-  if (ThisProcessor().avx512) all.push_back(simd::avx512_winograd::GetWinograd());
-  ASSERT_FALSE(all.empty());
+/// The kernels of float32 that this processor has, also those that it would not choose.
+TEST(WinogradKernels, OfEachInstructionSetAreTheConvolution) {
+  const KernelSets<winograd::Kernels>& all = winograd::AllKernels();
   for (const Case& c : kCases) {
     const Inputs in = MakeInputs(c);
     const Results expected = Direct(in, at::kDouble);
-    for (const simd::WinogradKernels& kernels : all) {
-      simd::WinogradMaps maps{c.kernel, 1, c.samples, c.height, c.width, c.in, c.out};
-      const at::Tensor transformed = at::empty({maps.positions(), maps.position_stride()}),
-                       y = at::empty({c.samples, maps.y_height(), maps.y_width(), c.out}),
-                       scratch = at::empty({kernels.scratch_bytes(maps)}, at::kByte);
+    for (int i = 0; i < all.count; ++i) {
+      const winograd::Kernels& kernels = all.sets[i];
+      winograd::Maps maps = winograd::MapsOf(in.x, c.out, c.kernel, /*padding=*/1);
+      const at::Tensor transformed = at::empty({maps.positions, maps.weight_stride}),
+                       y = at::empty({c.samples, maps.y_height, maps.y_width, c.out}),
+                       scratch = at::empty({maps.positions, maps.x_stride + maps.y_stride});
       kernels.transform_weight(maps, in.weight.data_ptr<float>(), false, 0, c.in,
                                transformed.data_ptr());
-      maps.x = in.x.data_ptr();
       maps.weight = transformed.data_ptr();
       maps.y = y.data_ptr();
-      kernels.convolve(maps, 0, maps.tiles(), scratch.data_ptr());
+      kernels.convolve(maps, 0, maps.tiles, scratch.data_ptr<float>());
       EXPECT_LT(RelativeError(y.permute({0, 3, 1, 2}), expected[0]), 1e-6) << Name(c);
 
       const at::Tensor of_y = in.of_y.permute({0, 2, 3, 1}).contiguous(),
-                       sums = at::empty({maps.positions(), maps.position_stride()}),
+                       sums = at::empty({maps.positions, maps.weight_stride}),
                        gradient = at::empty({c.out, c.in, c.kernel, c.kernel}),
-                       more = at::empty({kernels.gradient_scratch_bytes(maps, c.in)}, at::kByte);
+                       more =
+                           at::empty({maps.positions, maps.x_pairs_stride + maps.y_pairs_stride});
       maps.y = of_y.data_ptr();
-      kernels.weight_gradient_sums(maps, 0, maps.pairs(), 0, c.in, more.data_ptr(),
+      kernels.weight_gradient_sums(maps, 0, maps.pairs, more.data_ptr<float>(),
                                    sums.data_ptr<float>());
       kernels.weight_gradient(maps, sums.data_ptr<float>(), 0, c.in, gradient.data_ptr<float>());
       EXPECT_LT(RelativeError(gradient, expected[2]), 1e-6) << Name(c);
     }
   }
 }
-#endif
 
 }  // namespace
 }  // namespace volalign::winograd_test
