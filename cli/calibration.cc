@@ -180,10 +180,11 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
-  app->add_option("--choose", request->choose,
-                  "SENSOR=NUMBER, where several poses fit (twins in extrinsics.json, and in the "
-                  "report): the sensor's pose is that one, and the others follow; 1: the one that "
-                  "would be chosen")
+  app->add_option(
+         "--choose", request->choose,
+         "SENSOR=NUMBER: takes that pose of a sensor for which several fit (twins in "
+         "extrinsics.json, and in the report). The others follow. 1 is the pose that would "
+         "be chosen")
       ->take_all();
   app->add_option_function<std::string>("--twin",
                                         [](const std::string&) {

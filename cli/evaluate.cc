@@ -88,9 +88,9 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   AddAssignment(app, "--device", "device", &options->assignments, "cpu, cuda or cuda:N");
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
   app->add_option("--placements", options->rigs.placements,
-                  "numbers of placements of the structure, e.g. 1 2 4: each rig is calibrated with "
-                  "stills of so many, the first ones of the rig's own and then drawn ones; without "
-                  "it, with the rig's own")
+                  "numbers of placements of the structure, e.g. 1 2 4. Each rig is calibrated with "
+                  "that many captures: first those of the rig, then drawn ones. Without it: those "
+                  "of the rig")
       ->check(CLI::Range(1, 6));
   app->add_option("--placement-radius", options->rigs.placement_radius_m,
                   "drawn placements lie within so many m of the first")

@@ -34,14 +34,12 @@ WORDS = {
 BOUNDS = {
     "pages: Use": [4, 0, 15, 1],
     "headers: core": [0, 0, 1, 0],
-    "messages: cli": [2, 0, 5, 3],
-    "messages: infer/calib": [2, 0, 0, 0],
-    "messages: infer/capture": [2, 0, 0, 0],
+    "messages: cli": [1, 0, 5, 2],
     "messages: infer/checks": [5, 0, 1, 0],
     "messages: infer/evaluate": [0, 1, 0, 0],
-    "messages: infer/formats": [1, 0, 11, 0],
-    "messages: infer/plan": [2, 0, 1, 0],
-    "messages: infer/report": [4, 0, 2, 0],
+    "messages: infer/formats": [0, 0, 10, 0],
+    "messages: infer/plan": [2, 0, 0, 0],
+    "messages: infer/report": [2, 0, 0, 0],
     "messages: infer/rigcheck": [0, 0, 1, 4],
     "messages: infer/stack": [0, 0, 1, 0],
 }

@@ -249,9 +249,8 @@ void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibra
         result->findings.begin(),
         {RigCode::kFilesExchanged,
          {a, b},
-         fmt::format("the depth files of {} and {} seem to be exchanged: exchanged back, the "
-                     "points of two sensors are {:.1f} mm RMS apart in the mean, and {:.1f} mm as "
-                     "given",
+         fmt::format("the depth files of {} and {} seem to be exchanged: points of two sensors "
+                     "are {:.1f} mm RMS apart if they are exchanged back, and {:.1f} mm as given",
                      a, b, 1000 * std::sqrt(square), 1000 * std::sqrt(given)),
          "exchange the two depth files, or the intrinsics of the two sensors, in the capture"});
     return;
@@ -336,8 +335,8 @@ void SuspectSpoilt(FrameResult* sensor) {
         sensor->hint;
   if (share < kNotable) return;
   sensor->hint = fmt::format(
-      "{:.0f} % of its pixels are far from all that their neighbours measure: give frames as the "
-      "sensor has them, without means over missing depths, and check the order of their bytes",
+      "{:.0f} % of its pixels are far from what their neighbours measure; give frames as the "
+      "sensor has them, not means over missing depths, and check their byte order",
       100 * share);
 }
 

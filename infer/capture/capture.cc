@@ -47,8 +47,8 @@ std::string ParseName(const JsonObject& object) {
   std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
-        fmt::format("{}: the name \"{}\" has to serve as a file name of at most {} bytes that does "
-                    "not begin with \"-\", beside overview and merged: use another plain word",
+        fmt::format("{}: the name \"{}\" cannot be the name of a file; use a plain word of at most "
+                    "{} bytes, but not overview or merged, without \"-\" at its beginning",
                     object.where(), Shortened(name, kMostNameBytes), kMostNameBytes));
   }
   return name;

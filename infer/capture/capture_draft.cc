@@ -427,8 +427,8 @@ class Drafter {
       json["depth_scale"] = *scale;
     } else {
       draft_.unknown.push_back(fmt::format(
-          "{}: depth_scale, metres per unit: the median of its first frame is {:.6g}, which is "
-          "{:.3g} m at 0.001 (mm), {:.3g} m at 0.0001, {:.3g} m at 1; --depth-scale gives it",
+          "{}: depth_scale, metres per unit: give it with --depth-scale. The median of its first "
+          "frame is {:.6g}, which is {:.3g} m at 0.001 (mm), {:.3g} m at 0.0001, {:.3g} m at 1",
           sensor.name, sensor.median, 0.001 * sensor.median, 0.0001 * sensor.median,
           sensor.median));
     }

@@ -123,10 +123,9 @@ std::string FormatPlan(const RigPlan& plan) {
   for (const PlannedSensor& sensor : plan.sensors) width = std::max(width, sensor.name.size());
   std::string text = FormatTable(PlanTable(plan), TableFormat::kText);
   text +=
-      "dist: to the stack's origin; sides: with enough pixels; px: on them; in view: share, within "
-      "the picture, of the surface that could be seen from there; placed: of the trials; mm, deg: "
-      "expected (root mean square) error of position and orientation; known least: direction of "
-      "the largest part of it\n";
+      "dist: to the stack's origin. sides: with enough pixels. px: on them. in view: share of the "
+      "visible surface that the picture shows. placed: share of the trials. mm, deg: root mean "
+      "square error to be expected. known least: direction of its largest part.\n";
   for (const PlannedSensor& sensor : plan.sensors) {
     std::string sides;
     for (const auto& [side, pixels] : sensor.sides)

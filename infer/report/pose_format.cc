@@ -110,10 +110,9 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
   for (const SensorPose& pose : poses) {
     if (!pose.colour) {
       throw ConfigError(fmt::format(
-          "--camera colour: where the colour camera of {0} is to its depth camera is not known; "
-          "the "
-          "capture's recordings may say it, or \"colour\" of its capture.json; of an Azure Kinect, "
-          "give the raw calibration by --colour-camera {0}=FILE.json",
+          "--camera colour: the place of {0}'s colour camera is not known; give \"colour\" in "
+          "capture.json, or the raw calibration of an Azure Kinect with --colour-camera "
+          "{0}=FILE.json",
           pose.name));
     }
     colour.push_back({pose.name,
@@ -251,9 +250,8 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
         "pictures");
   if (format == PoseFormat::kLivescanAzure) {
     lost.push_back(
-        "LiveScan3D looks for calibration_SERIAL.txt in its working folder, so a sensor's name has "
-        "to be its serial number; clients that keep the number with its final zero look for a file "
-        "without .txt: copy it to that name");
+        "LiveScan3D reads calibration_SERIAL.txt in its working folder. So a sensor's name has to "
+        "be its serial number. Some clients look for a file without .txt: copy it to that name");
   }
   return lost;
 }

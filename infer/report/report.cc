@@ -81,11 +81,11 @@ std::string SensorTable(const std::vector<FrameResult>& sensors) {
   });
   std::string text = FormatTable(SensorsTable(sensors), TableFormat::kText);
   text +=
-      "initial: what the initial pose comes from; sides: found; rms: of labelled points to the "
-      "structure, of those within 10 cm;\nsigma: one standard deviation of the sensor's position "
-      "in the direction in which it is known least, and of its rotation about the axis about which "
-      "it is known least;\ninliers: labelled points on the structure";
-  if (truth) text += "; error: against the capture's ground truth";
+      "initial: source of the initial pose. sides: number of sides found. rms: of labelled points "
+      "within 10 cm of the structure.\nsigma: one standard deviation, of the position along its "
+      "least known direction, of the rotation about its least known axis.\ninliers: share of "
+      "labelled points on the structure.";
+  if (truth) text += " error: against the capture's ground truth.";
   return text + '\n';
 }
 

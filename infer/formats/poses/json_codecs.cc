@@ -24,9 +24,9 @@ constexpr char kOpen3dConvention[] =
     "extrinsic: camera_from_world, 4x4, column-major, metres; camera: x right, y down, z forward; "
     "world: {}; intrinsic_matrix: 3x3, column-major, pixel centres at integer coordinates";
 constexpr char kUnityConvention[] =
-    "position and rotation of transforms in a left-handed world, y up, metres: (x, y, z) of "
-    "volalign's ({}) is (-x, y, z); the transform's +z looks at the scene, its +y is the top of "
-    "the picture; rotation: quaternion x, y, z, w";
+    "position and rotation of transforms in a left-handed world, y up, metres. (x, y, z) of "
+    "volalign's ({}) is (-x, y, z). The transform's +z looks at the scene, its +y is the top of "
+    "the picture. rotation: quaternion x, y, z, w";
 constexpr char kCwipcConvention[] =
     "trafo: world_from_camera, 4x4, row-major, metres; camera: x right, y down, z forward; world: "
     "{}";

@@ -149,7 +149,7 @@ def test_known_poses():
         np.testing.assert_allclose(sensor.prior, sensor.structure_from_sensor, atol=0.01)
     with pytest.raises(volalign.DataError, match="prior_world"):
         known(prior_world="mine", prior_sigma=(0.01, 0.5))
-    with pytest.raises(volalign.DataError, match="sigma"):
+    with pytest.raises(volalign.DataError, match="standard deviation"):
         known()
 
 

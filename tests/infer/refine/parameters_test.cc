@@ -121,7 +121,8 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     frames.push_back({testing_infer::Borrowed(points[i]), start, sensor, sensor, i == 2 ? 1 : 0});
   }
   for (std::size_t i = 0; i < 2; ++i)
-    frames[i].prior = PosePrior{Displaced(frames[i].start, 0.1, 3, 7), PriorWorld::kScaleFree};
+    frames[i].prior =
+        PosePrior{Displaced(frames[i].start, 0.1, 3, 7), PriorWorld::kScaleFree, 0.05, 3};
   for (SensorLens& lens : lenses) lens.prior_sigmas = Eigen::Vector3d(0.01, 0.1, 0.2);
   const RefineOptions options;
   const JointProblem problem(rig.structure, frames, options, lenses, 2);
