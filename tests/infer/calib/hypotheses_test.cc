@@ -208,7 +208,7 @@ TEST(Hypotheses, AFrameThatWasSpoiltIsNoBadView) {
   }
   const FrameResult sensor = CalibrateByShape(frames, Four().structure).sensors[0];
   EXPECT_NE(sensor.status, SensorStatus::kOk);
-  EXPECT_TRUE(Has(sensor.hint, "far from all that their neighbours measure"));
+  EXPECT_TRUE(Has(sensor.hint, "far from what their neighbours measure"));
 }
 
 // A sensor misses depth where it ends before something farther away. One that does not is filled.
