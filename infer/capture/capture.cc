@@ -47,7 +47,7 @@ std::string ParseName(const JsonObject& object) {
   std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
-        fmt::format("{}: the name \"{}\" cannot be the name of a file; use a plain word of at most "
+        fmt::format("{}: the name \"{}\" cannot be a file name; use a plain word of at most "
                     "{} bytes, but not overview or merged, without \"-\" at its beginning",
                     object.where(), Shortened(name, kMostNameBytes), kMostNameBytes));
   }

@@ -619,7 +619,7 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
 
 TEST_F(ExportTest, ReportNamesWhatFailedAndWhy) {
   const std::string report = FormatReport(result_);
-  for (const std::string part : {"left", "right", "blind", "no_depth", "inliers: labelled",
+  for (const std::string part : {"left", "right", "blind", "no_depth", "inliers: share of labelled",
                                  "2 of 3 sensors placed", "verdict: failed", "d1"}) {
     EXPECT_TRUE(Has(report, part));
   }
