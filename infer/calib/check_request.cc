@@ -63,8 +63,7 @@ void CheckPriors(const std::vector<Still>& stills) {
         if (!(sigma >= kLeastPriorSigma && sigma <= kMostPriorSigma)) {
           throw DataError(
               fmt::format("the prior of \"{}\" has a standard deviation of {}; give one from {} to "
-                          "{}, in m and "
-                          "in deg",
+                          "{}, in m and in deg",
                           frame.name, sigma, kLeastPriorSigma, kMostPriorSigma));
         }
       }

@@ -166,10 +166,7 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
   labelled.initial.found = true;
   const OwnPose own = RefineTwice(seen, id, labelled, prior, options);
   const Pose& pose = own.structure_from_sensor;
-  const ViewExplanation explanation =
-      ExplainView(view, nullptr, structure, pose, options.refine.box_sigma_m, kLeastConfidence);
-  if (ConfirmedLabels(view, labelled.initial.patches, structure, pose).empty() ||
-      !(explanation.LogOddsByDepth() > 0) ||
+  if (!ShapeLogOdds(view, structure, pose) ||
       !(LargestSigmaPosition(pose, own.covariance) <= options.verdict.max_sigma_position_m)) {
     return std::nullopt;
   }

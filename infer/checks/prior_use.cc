@@ -45,13 +45,18 @@ struct PlacedFrame {
   Matrix6d covariance;
 };
 
+/// The prior if the structure may stand anywhere in its world.
+PosePrior Anywhere(PosePrior prior) {
+  if (prior.world == PriorWorld::kStructure) prior.world = PriorWorld::kMetric;
+  return prior;
+}
+
+/// `anywhere`: the structure may stand anywhere in the priors' world.
 SomeFrames<PlacedPrior> CompareAll(const std::vector<PlacedFrame>& frames, bool anywhere) {
   std::vector<PosePrior> priors;
   std::vector<std::vector<Pose>> poses;
   for (const PlacedFrame& frame : frames) {
-    priors.push_back(frame.prior);
-    if (anywhere && priors.back().world == PriorWorld::kStructure)
-      priors.back().world = PriorWorld::kMetric;
+    priors.push_back(anywhere ? Anywhere(frame.prior) : frame.prior);
     poses.push_back({frame.first_from_sensor});
   }
   std::vector<const PosePrior*> given;
@@ -104,8 +109,7 @@ std::vector<std::optional<PosePrior>> PriorsOfStill(const CaptureSet& capture, s
   std::vector<std::optional<PosePrior>> priors;
   for (const SensorFrame& frame : capture.stills[still].frames) {
     priors.push_back(frame.prior);
-    if (still > 0 && priors.back() && priors.back()->world == PriorWorld::kStructure)
-      priors.back()->world = PriorWorld::kMetric;
+    if (still > 0 && priors.back()) priors.back() = Anywhere(*priors.back());
   }
   return priors;
 }

@@ -23,8 +23,8 @@ struct PlacedPrior {
   double Chance() const;
 };
 
-/// The priors of the frames of a capture, or null where a sensor has none. In all captures but the
-/// first, the structure stands anywhere in the priors' world. The capture set has to outlive them.
+/// The priors of the frames of a capture, if they have one. In all captures but the first, the
+/// structure stands anywhere in the priors' world.
 std::vector<std::optional<PosePrior>> PriorsOfStill(const CaptureSet& capture, std::size_t still);
 
 /// The priors of all located frames. `first_from_stack`: for each capture.

@@ -54,6 +54,15 @@ WorldPlacement Fit(const std::vector<Match>& matches, WorldPlacement start) {
   return start;
 }
 
+/// Half the squared distance of a sensor's pose from the expected one, in standard deviations of
+/// the prior. Both poses are structure_from_sensor.
+double PriorMisfit(const PosePrior& prior, const Pose& expected, const Pose& pose) {
+  const PoseError apart = ComparePoses(expected, pose);
+  return (std::pow(apart.translation_m / prior.sigma_m, 2) +
+          std::pow(apart.rotation_deg / prior.sigma_deg, 2)) /
+         2;
+}
+
 /// A sensor's most likely pose if the world lies here, and its log likelihood.
 std::pair<double, const Pose*> Likeliest(const PosePrior& prior, const std::vector<Pose>& poses,
                                          const WorldPlacement& world) {
@@ -79,13 +88,6 @@ Pose WorldPlacement::Place(const Pose& world_from_sensor) const {
   Pose scaled = world_from_sensor;
   scaled.translation() *= scale;
   return structure_from_world * scaled;
-}
-
-double PriorMisfit(const PosePrior& prior, const Pose& expected, const Pose& pose) {
-  const PoseError apart = ComparePoses(expected, pose);
-  return (std::pow(apart.translation_m / prior.sigma_m, 2) +
-          std::pow(apart.rotation_deg / prior.sigma_deg, 2)) /
-         2;
 }
 
 double PriorLogLikelihood(const PosePrior& prior, const Pose& expected, const Pose& pose) {

@@ -16,10 +16,6 @@ struct WorldPlacement {
   Pose Place(const Pose& world_from_sensor) const;
 };
 
-/// Half the squared distance of a sensor's pose from the expected one, in standard deviations of
-/// the prior. Both poses are structure_from_sensor.
-double PriorMisfit(const PosePrior& prior, const Pose& expected, const Pose& pose);
-
 /// The natural logarithm of the likelihood of a sensor's pose under its prior, up to a constant.
 /// One prior in a thousand is taken to be wrong: it then says that the sensor is anywhere in a
 /// room.

@@ -60,6 +60,16 @@ void Whiten(const Eigen::Matrix<T, 3, 1>& apart, Eigen::Quaternion<T> turn,
   }
 }
 
+/// The rotation and the translation of a pose's block.
+template <class T>
+Eigen::Quaternion<T> RotationOf(const T* block) {
+  return Eigen::Map<const Eigen::Quaternion<T>>(block).normalized();
+}
+template <class T>
+Eigen::Matrix<T, 3, 1> TranslationOf(const T* block) {
+  return Eigen::Map<const Eigen::Matrix<T, 3, 1>>(block + 4);
+}
+
 /// See PosePriorCost.
 struct LoosePrior {
   Pose prior;
@@ -67,10 +77,9 @@ struct LoosePrior {
 
   template <class T>
   bool operator()(const T* pose, T* residuals) const {
-    const Eigen::Quaternion<T> q = Eigen::Map<const Eigen::Quaternion<T>>(pose).normalized();
+    const Eigen::Quaternion<T> q = RotationOf(pose);
     const Eigen::Matrix<T, 3, 1> origin = prior.inverse().translation().cast<T>();
-    const Eigen::Matrix<T, 3, 1> apart =
-        q * origin + Eigen::Map<const Eigen::Matrix<T, 3, 1>>(pose + 4);
+    const Eigen::Matrix<T, 3, 1> apart = q * origin + TranslationOf(pose);
     Whiten(apart, q * Eigen::Quaterniond(prior.linear()).conjugate().cast<T>(), sigmas, residuals);
     return true;
   }
@@ -83,16 +92,11 @@ struct Tie {
   template <class T>
   bool operator()(const T* placement_a, const T* pose_a, const T* placement_b, const T* pose_b,
                   T* residuals) const {
-    using Quaternion = Eigen::Quaternion<T>;
-    using Vector = Eigen::Matrix<T, 3, 1>;
-    const auto rotation = [](const T* block) {
-      return Eigen::Map<const Quaternion>(block).normalized();
-    };
-    const auto translation = [](const T* block) { return Eigen::Map<const Vector>(block + 4); };
-    const Quaternion of_a = rotation(placement_a), of_b = rotation(placement_b);
-    const Vector apart = of_b * translation(pose_b) + translation(placement_b) -
-                         (of_a * translation(pose_a) + translation(placement_a));
-    Whiten(apart, (of_b * rotation(pose_b)) * (of_a * rotation(pose_a)).conjugate(), sigmas,
+    const Eigen::Quaternion<T> of_a = RotationOf(placement_a), of_b = RotationOf(placement_b);
+    const Eigen::Matrix<T, 3, 1> apart =
+        of_b * TranslationOf(pose_b) + TranslationOf(placement_b) -
+        (of_a * TranslationOf(pose_a) + TranslationOf(placement_a));
+    Whiten(apart, (of_b * RotationOf(pose_b)) * (of_a * RotationOf(pose_a)).conjugate(), sigmas,
            residuals);
     return true;
   }
@@ -107,18 +111,12 @@ struct KnownPose {
   bool operator()(const T* world, const T* scale, const T* placement, const T* pose,
                   T* residuals) const {
     using std::exp;
-    using Quaternion = Eigen::Quaternion<T>;
-    using Vector = Eigen::Matrix<T, 3, 1>;
-    const auto rotation = [](const T* block) {
-      return Eigen::Map<const Quaternion>(block).normalized();
-    };
-    const auto translation = [](const T* block) { return Eigen::Map<const Vector>(block + 4); };
-    const Quaternion of_world = rotation(world), of_placement = rotation(placement);
-    const Vector expected =
-        of_world * (exp(*scale) * prior.translation().cast<T>()) + translation(world);
-    const Vector apart = of_placement * translation(pose) + translation(placement) - expected;
-    const Quaternion turned = of_world * Eigen::Quaterniond(prior.linear()).cast<T>();
-    Whiten(apart, of_placement * rotation(pose) * turned.conjugate(), sigmas, residuals);
+    const Eigen::Quaternion<T> of_world = RotationOf(world), of_placement = RotationOf(placement);
+    const Eigen::Matrix<T, 3, 1> apart =
+        of_placement * TranslationOf(pose) + TranslationOf(placement) -
+        (of_world * (exp(*scale) * prior.translation().cast<T>()) + TranslationOf(world));
+    const Eigen::Quaternion<T> expected = of_world * Eigen::Quaterniond(prior.linear()).cast<T>();
+    Whiten(apart, of_placement * RotationOf(pose) * expected.conjugate(), sigmas, residuals);
     return true;
   }
   template <class T>

@@ -82,52 +82,43 @@ TEST(RigFindings, ABoxThatTurnedHasTheLengthOfItsOtherEdge) {
   EXPECT_EQ(Explain(refined)[0].hint.find("turned"), std::string::npos);
 }
 
-TEST(RigFindings, WhatStandsOnTheStackCoversIt) {
+/// FindCoveredSides of TwoBoxes where two sensors at this height, m, see these boxes on them, too.
+/// The second one's pose is given too low by `lower`, m.
+std::vector<RigFinding> FindCovered(const std::vector<Box>& more, double height, double lower = 0) {
   const Structure described = TwoBoxes();
   std::vector<Box> boxes = described.boxes();
-  for (const bool more : {false, true}) {
-    if (more) boxes.push_back(Box::FromMinMax("more", {-0.25, 0.6, -0.1}, {0.2, 0.8, 0.15}));
-    testing_infer::Rig rig{Structure::FromBoxes("built", boxes), {}, {}};
-    std::vector<SensorView> views;
-    for (const double phi : {20.0, 140.0}) {
-      rig.Add("S", testing_infer::RingPose(phi, 1.5, 1.2, 90, {0, 0.4, 0}));
-      views.push_back(MakeSensorView(rig.frames.back(), rig.frames.back().intrinsics));
-    }
-    const std::vector<RigFinding> findings = FindCoveredSides(
-        {{&views[0], *rig.frames[0].ground_truth}, {&views[1], *rig.frames[1].ground_truth}},
-        described);
-    ASSERT_EQ(findings.size(), more ? 1U : 0U);
-    if (!more) continue;
-    EXPECT_EQ(findings[0].about, std::vector<std::string>{"high"});
-    EXPECT_EQ(findings[0].reason.find("high/up should be seen by 2 sensors"), 0U)
-        << findings[0].reason;
+  boxes.insert(boxes.end(), more.begin(), more.end());
+  testing_infer::Rig rig{Structure::FromBoxes("built", boxes), {}, {}};
+  std::vector<SensorView> views;
+  for (const double phi : {20.0, 140.0}) {
+    rig.Add("S", testing_infer::RingPose(phi, 1.5, height, 90, {0, 0.4, 0}));
+    views.push_back(MakeSensorView(rig.frames.back(), rig.frames.back().intrinsics));
   }
+  Pose second = *rig.frames[1].ground_truth;
+  second.translation().y() -= lower;
+  return FindCoveredSides({{&views[0], *rig.frames[0].ground_truth}, {&views[1], second}},
+                          described);
+}
+
+TEST(RigFindings, WhatStandsOnTheStackCoversIt) {
+  const Box more = Box::FromMinMax("more", {-0.25, 0.6, -0.1}, {0.2, 0.8, 0.15});
+  EXPECT_TRUE(FindCovered({}, 1.2).empty());
+  const std::vector<RigFinding> findings = FindCovered({more}, 1.2);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].about, std::vector<std::string>{"high"});
+  EXPECT_EQ(findings[0].reason.find("high/up should be seen by 2 sensors"), 0U)
+      << findings[0].reason;
 }
 
 // Sensors below the top do not see the upper side, but what stands on it.
 TEST(RigFindings, WhatStandsOnTheStackIsSeenFromBelow) {
-  const Structure described = TwoBoxes();
-  std::vector<Box> boxes = described.boxes();
-  for (const bool more : {false, true}) {
-    if (more) boxes.push_back(Box::FromMinMax("more", {-0.1, 0.6, -0.08}, {0.1, 0.8, 0.08}));
-    testing_infer::Rig rig{Structure::FromBoxes("built", boxes), {}, {}};
-    std::vector<SensorView> views;
-    for (const double phi : {20.0, 140.0}) {
-      rig.Add("S", testing_infer::RingPose(phi, 1.5, 0.5, 90, {0, 0.4, 0}));
-      views.push_back(MakeSensorView(rig.frames.back(), rig.frames.back().intrinsics));
-    }
-    const auto find = [&](double shift) {
-      Pose second = *rig.frames[1].ground_truth;
-      second.translation().y() += shift;
-      return FindCoveredSides({{&views[0], *rig.frames[0].ground_truth}, {&views[1], second}},
-                              described);
-    };
-    ASSERT_EQ(find(0).size(), more ? 1U : 0U);
-    if (!more) continue;
-    EXPECT_EQ(find(0)[0].about, std::vector<std::string>{"high"});
-    EXPECT_EQ(find(0)[0].reason, "something stands on high/up, as 2 sensors show");
-    EXPECT_TRUE(find(-0.3).empty()) << "one sensor alone";
-  }
+  const Box more = Box::FromMinMax("more", {-0.1, 0.6, -0.08}, {0.1, 0.8, 0.08});
+  EXPECT_TRUE(FindCovered({}, 0.5).empty());
+  const std::vector<RigFinding> findings = FindCovered({more}, 0.5);
+  ASSERT_EQ(findings.size(), 1U);
+  EXPECT_EQ(findings[0].about, std::vector<std::string>{"high"});
+  EXPECT_EQ(findings[0].reason, "something stands on high/up, as 2 sensors show");
+  EXPECT_TRUE(FindCovered({more}, 0.5, 0.3).empty()) << "one sensor alone";
 }
 
 TEST(RigFindings, PairsFarBeyondTheirPrediction) {
