@@ -357,6 +357,35 @@ TEST(RefineCosts, PosePriorDerivative) {
   }
 }
 
+TEST(RefineCosts, AKnownPoseIsWhereItsWorldHasIt) {
+  RandomStream random(5, 0, "known pose");
+  const Pose prior = RandomPose(random), placement = RandomPose(random);
+  const Pose nowhere = Pose::Identity(), somewhere = RandomPose(random);
+  constexpr double kScale = 1.7;
+  for (const PriorWorld kind :
+       {PriorWorld::kStructure, PriorWorld::kMetric, PriorWorld::kScaleFree}) {
+    const bool scaled = kind == PriorWorld::kScaleFree;
+    const Pose world = kind == PriorWorld::kStructure ? nowhere : somewhere;
+    Pose expected = prior;
+    if (scaled) expected.translation() *= kScale;
+    Pose first = world * expected;
+    const std::unique_ptr<ceres::CostFunction> cost(KnownPoseCost({prior, kind, 0.5, 3}));
+    for (const double moved : {0.0, 0.25}) {
+      first.translation().y() += moved;
+      const PoseBlock of_world(world), of_placement(placement), pose(placement.inverse() * first);
+      const double log_scale = std::log(kScale);
+      std::vector<const double*> blocks;
+      if (kind != PriorWorld::kStructure) blocks.push_back(of_world.values);
+      if (scaled) blocks.push_back(&log_scale);
+      blocks.insert(blocks.end(), {of_placement.values, pose.values});
+      Vector6d residual;
+      ASSERT_TRUE(cost->Evaluate(blocks.data(), residual.data(), nullptr));
+      residual[1] -= moved / 0.5;
+      EXPECT_LT(residual.norm(), 1e-9);
+    }
+  }
+}
+
 TEST(RefineCosts, ARobustResidualIsTheRootOfCauchysLossAndItsDerivative) {
   const auto root = [](double r) { return MakeRobust(r, 0.3); };
   for (const double r : {-30.0, -2.0, -0.1, 0.0, 1e-9, 0.5, 7.0}) {
