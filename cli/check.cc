@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -16,23 +17,70 @@ namespace volalign {
 
 namespace {
 
-constexpr int kMovedStatus = 3, kNotComparedStatus = 2;
+/// Exit statuses: a sensor moved; a sensor has no pose to compare or to write.
+constexpr int kMovedStatus = 3, kIncompleteStatus = 2;
 
-struct CheckOptions {
-  std::string last, update;
-  double max_mm = 0, max_deg = 0;
+/// A calibration, and a capture of the same rig as it is now.
+struct Comparison {
+  std::string last;
   CalibrationRequest request;
   MovementOptions movement;
 };
 
-void AddCheckOptions(CLI::App* app, CheckOptions* options) {
-  app->add_option("--extrinsics", options->last, "extrinsics.json of the last calibration")
+void AddComparison(CLI::App* app, Comparison* comparison) {
+  app->add_option("--extrinsics", comparison->last, "extrinsics.json of the last calibration")
       ->required();
-  app->add_option("--capture", options->request.captures,
+  app->add_option("--capture", comparison->request.captures,
                   "capture.json of the rig as it is now; the stack may stand elsewhere than last "
                   "time. Several, where the stack was moved between them")
       ->required();
-  AddCalibrationOptions(app, &options->request);
+  AddCalibrationOptions(app, &comparison->request);
+  app->add_option(
+         "--false-alarm", comparison->movement.false_alarm,
+         "probability of taking a sensor that stayed for a moved one, if errors are normal")
+      ->check(CLI::Range(1e-12, 0.1))
+      ->capture_default_str();
+}
+
+struct Compared {
+  Extrinsics last, now;
+  RigCheck check;
+  std::string options;  ///< of the calibration, YAML
+};
+
+/// Calibrates the capture, compares, and prints the table. Writes CalibrationRequest::output.
+Compared Compare(Comparison comparison) {
+  CalibrationRequest& request = comparison.request;
+  Compared out;
+  out.last = ReadExtrinsics(comparison.last);
+  request.last_structure = out.last.structure;
+  const Calibration now =
+      RunCalibration(request, [&](const Calibration& calibration, ReportRun* report) {
+        out.now = MakeExtrinsics(calibration.result, calibration.stills, calibration.structure,
+                                 calibration.source);
+        out.check = CheckRig(comparison.last, out.last, out.now, comparison.movement);
+        report->check = RigCheckText(out.check, "check.json");
+        report->checked = RigCheckSentences(out.check);
+      });
+  out.options = now.options;
+  request.table.Print(FormatRigCheck(out.check), MovementTable(out.check.movements));
+  if (!request.output.empty()) {
+    WriteRigCheck(std::filesystem::path(request.output) / "check.json", out.check);
+    request.table.Say(fmt::format("written: {}, check.json", WrittenBy(request, now)));
+  }
+  return out;
+}
+
+}  // namespace
+
+Command AddCheckCommand(CLI::App& program) {
+  struct Options : Comparison {
+    double max_mm = 0, max_deg = 0;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* app = program.add_subcommand(
+      "check", "Find out which sensors of a calibrated rig were moved since, by a new capture");
+  AddComparison(app, options.get());
   app->add_option("--max-mm", options->max_mm,
                   "exit status 3 if a sensor moved by more than this, mm")
       ->check(CLI::NonNegativeNumber)
@@ -41,55 +89,54 @@ void AddCheckOptions(CLI::App* app, CheckOptions* options) {
                   "exit status 3 if a sensor turned by more than this, deg")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  app->add_option("--update", options->update,
-                  "write an extrinsics.json with new poses of what moved, in the structure frame "
-                  "of the last calibration; what stayed keeps its poses");
-  app->add_option(
-         "--false-alarm", options->movement.false_alarm,
-         "probability of taking a sensor that stayed for a moved one, if errors are normal")
-      ->check(CLI::Range(1e-12, 0.1))
-      ->capture_default_str();
+  app->add_option_function<std::string>("--update",
+                                        [](const std::string&) {
+                                          throw CLI::ValidationError(
+                                              "--update", "`volalign add` does this now");
+                                        })
+      ->group("");
   app->add_option("-o,--output", options->request.output,
                   "folder for check.json and for what `calibrate` writes of the new capture");
+  return {app, [options] {
+            const RigCheck check = Compare(*options).check;
+            if (check.MovedBeyond(0.001 * options->max_mm, options->max_deg)) return kMovedStatus;
+            return check.not_compared.empty() ? 0 : kIncompleteStatus;
+          }};
 }
 
-int RunCheck(const CheckOptions& options) {
-  const Extrinsics last = ReadExtrinsics(options.last);
-  CalibrationRequest request = options.request;
-  request.last_structure = last.structure;
-  Extrinsics now_extrinsics;
-  RigCheck check;
-  const Calibration now =
-      RunCalibration(request, [&](const Calibration& calibration, ReportRun* report) {
-        now_extrinsics = MakeExtrinsics(calibration.result, calibration.stills,
-                                        calibration.structure, calibration.source);
-        check = CheckRig(options.last, last, now_extrinsics, options.movement);
-        report->check = RigCheckText(check, "check.json");
-        report->checked = RigCheckSentences(check);
-      });
-  const TableOutput& table = options.request.table;
-  table.Print(FormatRigCheck(check), MovementTable(check.movements));
-  if (!options.request.output.empty()) {
-    WriteRigCheck(std::filesystem::path(options.request.output) / "check.json", check);
-    table.Say(fmt::format("written: {}, check.json", WrittenBy(options.request, now)));
-  }
-  if (!options.update.empty()) {
-    WriteExtrinsics(options.update, UpdateExtrinsics(last, now_extrinsics, check));
-    SaveCommand(options.update, {{"calibration", now.options}});
-    table.Say("written: " + options.update);
-  }
-  if (check.MovedBeyond(0.001 * options.max_mm, options.max_deg)) return kMovedStatus;
-  return check.not_compared.empty() ? 0 : kNotComparedStatus;
-}
-
-}  // namespace
-
-Command AddCheckCommand(CLI::App& program) {
-  auto options = std::make_shared<CheckOptions>();
+Command AddAddCommand(CLI::App& program) {
+  struct Options : Comparison {
+    std::string output;
+  };
+  auto options = std::make_shared<Options>();
+  options->movement.one_may_stay = true;
   CLI::App* app = program.add_subcommand(
-      "check", "Find out which sensors of a calibrated rig were moved since, by a new capture");
-  AddCheckOptions(app, options.get());
-  return {app, [options] { return RunCheck(*options); }};
+      "add",
+      "Give new, replaced or moved sensors of a calibrated rig their poses, by a new capture");
+  AddComparison(app, options.get());
+  app->add_option("--moved", options->movement.moved,
+                  "names of sensors that were moved or replaced. Those that are not named are "
+                  "tested; a single one is trusted")
+      ->take_all();
+  app->add_option("-o,--output", options->output,
+                  "extrinsics.json to write: new poses of what is new or has moved, in the "
+                  "structure frame of the last calibration. What stayed keeps its poses")
+      ->required();
+  app->add_option("--calibration", options->request.output,
+                  "folder for check.json and for what `calibrate` writes of the new capture");
+  return {app, [options] {
+            const Compared found = Compare(*options);
+            const Extrinsics rig = UpdateExtrinsics(found.last, found.now, found.check);
+            WriteExtrinsics(options->output, rig);
+            SaveCommand(options->output, {{"calibration", found.options}});
+            const TableOutput& table = options->request.table;
+            table.Say(UpdateSentence(found.last, found.now, found.check));
+            table.Say("written: " + options->output);
+            const bool placed = std::all_of(
+                found.now.sensors.begin(), found.now.sensors.end(),
+                [](const Extrinsics::Sensor& sensor) { return sensor.structure_from_sensor; });
+            return placed ? 0 : kIncompleteStatus;
+          }};
 }
 
 }  // namespace volalign

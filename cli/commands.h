@@ -26,6 +26,7 @@ std::string VersionText();
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
 Command AddCheckCommand(CLI::App& program);
+Command AddAddCommand(CLI::App& program);
 Command AddInitCommand(CLI::App& program);
 Command AddEvaluateCommand(CLI::App& program);
 Command AddConvertCommand(CLI::App& program);

@@ -38,7 +38,7 @@ std::vector<Command> AddCommands(CLI::App& program) {
       {AddStructureCommand(program),
 #ifdef VOLALIGN_HAS_INFER
        AddPlanCommand(program), AddInitCommand(program), AddCalibrateCommand(program),
-       AddConvertCommand(program), AddCheckCommand(program)
+       AddConvertCommand(program), AddCheckCommand(program), AddAddCommand(program)
 #endif
       });
   add("Render and train",

@@ -32,7 +32,8 @@ struct MovementPart {
 };
 
 std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture,
-                               double false_alarm, const py::object& structure,
+                               double false_alarm, std::vector<std::string> moved,
+                               bool one_may_stay, const py::object& structure,
                                const py::object& model, const py::object& options,
                                const py::object& progress, const py::kwargs& keywords) {
   auto checked = std::make_shared<Checked>();
@@ -50,6 +51,8 @@ std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture
   checked->now = checked->result->MakeExtrinsics();
   MovementOptions movement;
   movement.false_alarm = false_alarm;
+  movement.moved = std::move(moved);
+  movement.one_may_stay = one_may_stay;
   checked->check = CheckRig(last_file, checked->last, checked->now, movement);
   return checked;
 }
@@ -163,12 +166,16 @@ void AddCheck(py::module_& module) {
 
   module.def(
       "check", &Check, py::arg("last"), py::arg("capture"), py::kw_only(),
-      py::arg("false_alarm") = MovementOptions().false_alarm, py::arg("structure") = py::none(),
-      py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
+      py::arg("false_alarm") = MovementOptions().false_alarm,
+      py::arg("moved") = std::vector<std::string>(), py::arg("one_may_stay") = false,
+      py::arg("structure") = py::none(), py::arg("model") = "auto", py::arg("options") = py::none(),
+      py::arg("progress") = py::none(),
       "Which sensors of a calibrated rig were moved since?\n\n"
       "last: the path of an extrinsics.json, or a Result. capture: of the rig as it is now, as in "
       "`calibrate`, or the Result of one; the stack may stand elsewhere. false_alarm: probability "
-      "of taking a sensor that stayed for a moved one. The rest as in `calibrate`. Raises "
+      "of taking a sensor that stayed for a moved one. moved: names of sensors that are known to "
+      "have moved or to be replaced. one_may_stay: trust a single other sensor, as `volalign add` "
+      "does before `update`. The rest as in `calibrate`. Raises "
       "ConfigError, DataError, IoError.");
 }
 

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <limits>
 #include <set>
 #include <unsupported/Eigen/SpecialFunctions>
 #include <utility>
@@ -20,6 +22,7 @@ namespace {
 constexpr int kFreedoms = 6;      // of a pose
 constexpr double kPower = 1.645;  // 95 % of a normal distribution exceed -kPower
 constexpr int kMotionIterations = 4;
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// m and deg: most error of a place and aim with another sensor's intrinsics.
 constexpr double kSameStand = 0.15, kSameAim = 5;
 
@@ -189,7 +192,8 @@ Sets LargestSets(const std::vector<PosePair>& pairs, const MovementOptions& opti
       sets.contested.push_back(i);
     }
   }
-  if (2 * sets.stayed.size() <= pairs.size() || sets.stayed.size() < 2) sets.stayed.clear();
+  const std::size_t least = options.one_may_stay && pairs.size() == 1 ? 1 : 2;
+  if (2 * sets.stayed.size() <= pairs.size() || sets.stayed.size() < least) sets.stayed.clear();
   return sets;
 }
 
@@ -266,12 +270,20 @@ SensorMovement Compare(const PosePair& pair, const Motion& others, Movement move
 
 Movements FindMovements(const std::vector<SensorEstimate>& last,
                         const std::vector<SensorEstimate>& now, const MovementOptions& options) {
-  const std::vector<PosePair> pairs = PairUp(last, now);
+  std::vector<PosePair> pairs = PairUp(last, now);
+  const auto known = std::stable_partition(pairs.begin(), pairs.end(), [&](const PosePair& pair) {
+    return std::find(options.moved.begin(), options.moved.end(), pair.last->name) ==
+           options.moved.end();
+  });
+  const std::vector<PosePair> moved(known, pairs.end());
+  pairs.erase(known, pairs.end());
   Movements result;
   const auto [stayed, contested] = LargestSets(pairs, options);
   if (stayed.empty()) {
     for (const PosePair& pair : pairs)
       result.sensors.push_back({pair.last->name, Movement::kUndecided});
+    for (const PosePair& pair : moved)
+      result.sensors.push_back({pair.last->name, Movement::kMoved});
     return result;
   }
   const PosePair& one = pairs[stayed.front()];
@@ -281,6 +293,12 @@ Movements FindMovements(const std::vector<SensorEstimate>& last,
   result.covariance = motion.covariance;
   result.variance_factor = motion.VarianceFactor(options);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (pairs.size() == 1) {  // nothing to compare it with
+      const SensorEstimate& only = *pairs[i].last;
+      result.sensors.push_back({only.name, Movement::kStayed, 0, 0, 1, kUnknown, kUnknown,
+                                only.structure_from_sensor, only.covariance});
+      break;
+    }
     const bool is_of_motion = std::binary_search(stayed.begin(), stayed.end(), i);
     const bool is_contested = std::binary_search(contested.begin(), contested.end(), i);
     result.sensors.push_back(Compare(
@@ -289,6 +307,8 @@ Movements FindMovements(const std::vector<SensorEstimate>& last,
         is_of_motion ? Movement::kStayed : (is_contested ? Movement::kUndecided : Movement::kMoved),
         options));
   }
+  for (const PosePair& pair : moved)
+    result.sensors.push_back(Compare(pair, motion, Movement::kMoved, options));
   return result;
 }
 

@@ -24,6 +24,10 @@ struct MovementOptions {
   /// Least factor on the variances. Errors that both captures have in common cancel, and the
   /// sensors that stayed show by how much.
   double least_variance_factor = 0.1;
+  /// Names of sensors that are known to have moved. They say nothing about the structure's motion.
+  std::vector<std::string> moved;
+  /// May a single other sensor stay? Nothing but the caller's word then says that it did.
+  bool one_may_stay = false;
 };
 
 enum class Movement { kStayed, kMoved, kUndecided };
@@ -41,7 +45,7 @@ struct SensorMovement {
   /// Probability of such a difference, or a larger one, by chance, if the sensor did not move.
   double probability = 1;
   /// Least movement of its place, m, or turn about it, deg, that is found with 95 % probability, in
-  /// the least certain direction.
+  /// the least certain direction. NaN for a single sensor that stays.
   double found_from_m = 0, found_from_deg = 0;
   /// Its pose now, in the last structure frame, with the uncertainty of both captures.
   Pose structure_from_sensor = Pose::Identity();
@@ -54,7 +58,8 @@ struct Movements {
   std::optional<Pose> last_from_now;
   Matrix6d covariance = Matrix6d::Zero();  ///< of last_from_now
   double variance_factor = 1;
-  std::vector<SensorMovement> sensors;  ///< those of both captures, in order of the last one
+  /// Those of both captures, in order of the last one; after them MovementOptions::moved.
+  std::vector<SensorMovement> sensors;
 };
 
 /// A sensor at another one's place: it has that one's depth file, or its name.

@@ -1,6 +1,7 @@
 #include "infer/rigcheck/rig_check.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
@@ -52,7 +53,12 @@ void TurnInto(const Pose& last_from_now, Sensor* sensor) {
   sensor->structure_from_sensor = last_from_now * *sensor->structure_from_sensor;
 }
 
-/// Names of the sensors that UpdateExtrinsics takes from the new capture.
+bool Contains(const std::vector<std::string>& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+/// Names of the sensors that UpdateExtrinsics takes from the new capture. One that is known to have
+/// moved may have failed there: its last pose is wrong, and it has no other.
 std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
                                  const RigCheck& check) {
   std::vector<std::string> names;
@@ -61,13 +67,11 @@ std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
   }
   for (const Sensor& sensor : now.sensors) {
     const Sensor* before = Find(last, sensor.name);
-    if (IsComparable(sensor) && !(before && IsComparable(*before))) names.push_back(sensor.name);
+    const bool is_new = IsComparable(sensor) && !(before && IsComparable(*before));
+    if (!Contains(names, sensor.name) && (is_new || Contains(check.moved, sensor.name)))
+      names.push_back(sensor.name);
   }
   return names;
-}
-
-bool Contains(const std::vector<std::string>& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 std::string MovementText(const Movements& movements) {
@@ -161,8 +165,8 @@ void Describe(Archive& ar, SensorMovement& sensor) {
   ar("translation_m", sensor.translation_m);
   ar("rotation_deg", sensor.rotation_deg);
   ar("probability", sensor.probability);
-  ar("found_from_m", sensor.found_from_m);
-  ar("found_from_deg", sensor.found_from_deg);
+  ar.IfFinite("found_from_m", sensor.found_from_m);
+  ar.IfFinite("found_from_deg", sensor.found_from_deg);
   ar("structure_from_sensor", sensor.structure_from_sensor);
   ar("covariance", sensor.covariance);
 }
@@ -186,6 +190,7 @@ void Describe(Archive& ar, RigCheck& check) {
   ar("last", check.last);
   ar.OneOrList("capture", check.captures);
   ar("same_structure", check.same_structure);
+  ar.Optional("moved", check.moved);
   ar.Optional("last_from_now", check.movements.last_from_now);
   ar("variance_factor", check.movements.variance_factor);
   ar("sensors", check.movements.sensors);
@@ -208,6 +213,12 @@ RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Ex
   check.tool = now.tool;
   check.last = last_file;
   check.captures = now.captures;
+  check.moved = options.moved;
+  for (const std::string& name : options.moved) {
+    if (Find(last, name) && Find(now, name)) continue;
+    throw DataError(fmt::format("the moved sensor \"{}\" is not in both, {} and the new capture",
+                                name, last_file));
+  }
   check.same_structure = last.structure.sha256 == now.structure.sha256;
   for (const Sensor& sensor : last.sensors) {
     std::string reason = Lacks(&sensor, "last time");
@@ -278,7 +289,9 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
                                               [](const SensorMovement& sensor) {
                                                 return sensor.movement == Movement::kUndecided;
                                               })) {
-    throw DataError("which sensors moved cannot be told, so none can be updated; calibrate anew");
+    throw DataError(
+        "which sensors moved cannot be told, so none can be updated. Name those that did with "
+        "--moved, or calibrate all sensors anew");
   }
   const std::vector<std::string> updated = Updated(last, now, check);
   Extrinsics out = last;
@@ -286,8 +299,10 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
   const Matrix6d turn = Adjoint(*movements.last_from_now);
   for (const std::string& name : updated) {
     Sensor sensor = *Find(now, name);
-    sensor.covariance = turn * sensor.covariance * turn.transpose() + movements.covariance;
-    TurnInto(*movements.last_from_now, &sensor);
+    if (sensor.structure_from_sensor) {
+      sensor.covariance = turn * sensor.covariance * turn.transpose() + movements.covariance;
+      TurnInto(*movements.last_from_now, &sensor);
+    }
     sensor.error.reset();
     sensor.initial_error.reset();
     const auto before = std::find_if(out.sensors.begin(), out.sensors.end(),
@@ -326,6 +341,22 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
     out.placements.push_back(std::move(placement));
   }
   return out;
+}
+
+std::string UpdateSentence(const Extrinsics& last, const Extrinsics& now, const RigCheck& check) {
+  std::vector<std::string> placed, kept, missing;
+  const std::vector<std::string> updated = Updated(last, now, check);
+  for (const Sensor& sensor : now.sensors) {
+    (sensor.structure_from_sensor ? Contains(updated, sensor.name) ? placed : kept : missing)
+        .push_back(sensor.name);
+  }
+  const auto say = [](const std::vector<std::string>& names, const char* what) {
+    return names.empty() ? "" : fmt::format("{}: {}. ", what, fmt::join(names, ", "));
+  };
+  std::string text = say(placed, "New poses") + say(missing, "No pose in the new capture") +
+                     say(kept, "Compared with the last calibration, poses kept");
+  text.pop_back();
+  return text;
 }
 
 }  // namespace volalign

@@ -23,7 +23,8 @@ struct RigCheck {
   std::string tool;
   std::string last;  ///< extrinsics.json
   std::vector<std::string> captures;
-  bool same_structure = true;  ///< both have the same description
+  bool same_structure = true;      ///< both have the same description
+  std::vector<std::string> moved;  ///< MovementOptions::moved
   Movements movements;
   std::vector<Exchanged> exchanged;  ///< may explain why sensors moved
   std::vector<NotCompared> not_compared;
@@ -33,7 +34,7 @@ struct RigCheck {
 };
 
 /// Compares two calibrations. `last` was read from `last_file`. Throws DataError if they have no
-/// sensor in common.
+/// sensor in common, or not each of MovementOptions::moved.
 RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Extrinsics& now,
                   const MovementOptions& options = {});
 
@@ -51,7 +52,11 @@ std::string FormatRigCheck(const RigCheck& check);
 
 /// `last` with new poses of the sensors that moved and of those that only `now` places. All are in
 /// the structure frame of `last`, and sensors that stayed keep every digit. The metrics are left
-/// out, because they are of the earlier rig. Throws DataError if it is undecided what moved.
+/// out, because they are of the earlier rig. Throws DataError if it is undecided what moved, or if
+/// no sensor stayed.
 Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const RigCheck& check);
+
+/// Which sensors have a new pose in it, and which of the new capture have none.
+std::string UpdateSentence(const Extrinsics& last, const Extrinsics& now, const RigCheck& check);
 
 }  // namespace volalign

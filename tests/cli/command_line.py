@@ -33,17 +33,17 @@ NAMES = (
 )
 # Sub-commands that write a result, run on threads, run a network, render.
 WITH = {
-    "-o,--output": "calibrate, check, convert, evaluate, export, init, plan, render, structure build, structure check, structure sheet, structure suggest, train, validate",
-    "--threads": "calibrate, check, evaluate, plan, render, structure suggest, train, validate",
-    "--device": "calibrate, check, evaluate, train, validate",
+    "-o,--output": "add, calibrate, check, convert, evaluate, export, init, plan, render, structure build, structure check, structure sheet, structure suggest, train, validate",
+    "--threads": "add, calibrate, check, evaluate, plan, render, structure suggest, train, validate",
+    "--device": "add, calibrate, check, evaluate, train, validate",
     "--egl-device": "evaluate, render",
     "--renderer": "evaluate, render",
-    "--set": "calibrate, check, config show, evaluate, plan, render, train, validate",
-    "--config": "calibrate, check, evaluate, render, train, validate",
-    "--model": "calibrate, check, doctor, evaluate, export, validate",
-    "--capture": "calibrate, check, evaluate",
+    "--set": "add, calibrate, check, config show, evaluate, plan, render, train, validate",
+    "--config": "add, calibrate, check, evaluate, render, train, validate",
+    "--model": "add, calibrate, check, doctor, evaluate, export, validate",
+    "--capture": "add, calibrate, check, evaluate",
     # Those that print a table.
-    "--json": "calibrate, check, doctor, evaluate, plan, render, runs compare, runs list, structure build, structure check, structure show, structure suggest, validate",
+    "--json": "add, calibrate, check, doctor, evaluate, plan, render, runs compare, runs list, structure build, structure check, structure show, structure suggest, validate",
 }
 
 

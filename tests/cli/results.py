@@ -201,12 +201,14 @@ class Results(WithACapture):
         self.expect("render --rig rig.yaml -o stills", 0)
         self.expect(f"calibrate --capture stills/placement_1/capture.json {MODEL} -o last", 0)
         check = f"check --capture stills/placement_2/capture.json {MODEL} --extrinsics "
-        self.expect(check + "last/extrinsics.json -o now --update updated.json", 3, "; the other 2 agree within ", "the stack stands 36")
+        self.expect(check + "last/extrinsics.json -o now", 3, "; the other 2 agree within ", "the stack stands 36")
         found = self.json("now/check.json")["sensors"]
         self.assertEqual([(s["name"], s["movement"]) for s in found], [("A", "stayed"), ("B", "moved"), ("C", "stayed")])
         self.assertAlmostEqual(found[1]["translation_m"], 0.05, delta=0.01)
         self.assertAlmostEqual(found[1]["rotation_deg"], 2, delta=0.2)
         self.assertTrue(self.read("now/extrinsics.json"))
+        self.expect_error(check + "last/extrinsics.json --update updated.json", "volalign add")
+        self.expect(check.replace("check", "add", 1) + "last/extrinsics.json -o updated.json", 0, "New poses: B. ", "poses kept: A, C")
         self.expect(check + "updated.json", 0, "nothing moved: all 3 agree")
         # Of other boxes, and neither the capture nor an option names any: the model's do not stand in for them.
         last, capture = self.json("last/extrinsics.json"), self.json("stills/placement_2/capture.json")

@@ -52,7 +52,7 @@ NOT_RUN = [
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("add", "check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training")]
 
 
 def all_pages():
@@ -237,6 +237,18 @@ class Tutorials(InAFolder):
         self.run_command("volalign render --rig now.yaml -o now")
         (printed,) = self.run_page("docs/check.md").values()
         self.assertIn("the other 2 agree", printed)
+
+    def test_add(self):
+        rig = self.paper_rig()
+        sensors = [line for line in rig.split("\n") if "rho_cm" in line]
+        self.write("then.yaml", rig)
+        self.write("new.yaml", rig.replace(sensors[2], sensors[2].replace("name: C", "name: D").replace("phi_deg: 270", "phi_deg: 210")))
+        self.run_command("volalign render --rig then.yaml -o then")
+        self.run_command("volalign calibrate --capture then/capture.json -o last")
+        self.run_command("volalign render --rig new.yaml -o new")
+        by_tests, by_name = self.run_page("docs/add.md").values()
+        self.assertIn("New poses: D. ", by_tests)
+        self.assertIn("New poses: B, D. ", by_name)
 
     def test_known_poses(self):
         self.run_page("docs/known-poses.md")

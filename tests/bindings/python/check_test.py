@@ -42,6 +42,13 @@ def test_files(check, result, tmp_path):
     assert updated["S3"].structure_from_sensor[1, 3] == pytest.approx(1.2, abs=0.005)
 
 
+def test_known_to_have_moved(result):
+    now = volalign.check(result, volalign.Capture([frame_of(name, depth_of(true_pose(ANGLES[name]))) for name in ("S1", "S2")], structure=result.structure), model=None, moved=["S2"])
+    assert now.moved == ["S2"] and now.last_from_now is None
+    now = volalign.check(result, now.result, moved=["S2"], one_may_stay=True)
+    np.testing.assert_allclose(now.sensors["S2"].structure_from_sensor, result.sensors["S2"].structure_from_sensor, atol=0.01)
+
+
 def test_of_files(result, capture_file, tmp_path):
     result.save(tmp_path / "out", report=False)
     stages = []

@@ -60,6 +60,40 @@ Extrinsics Rig(const Pose& from) {
   return rig;
 }
 
+TEST(RigCheck, AReplacedSensorHasTheNewCapturesPoseOrNone) {
+  const Extrinsics last = Rig(Pose::Identity());
+  Extrinsics now = Rig(Moved(0.5, 0.7));
+  MovementOptions options;
+  options.moved = {"S1", "S2"};
+  options.one_may_stay = true;
+  now.sensors = {now.sensors[0], now.sensors[1], now.sensors[2], now.sensors[3]};
+  now.sensors[0].name = "S5";
+  now.sensors[2].status = SensorStatus::kFailed;
+  now.sensors[2].structure_from_sensor.reset();
+  now.sensors[2].covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const RigCheck check = CheckRig("last.json", last, now, options);
+  EXPECT_TRUE(Has(UpdateSentence(last, now, check), "New poses: S5, S1. ",
+                  "No pose in the new capture: S2. ", "poses kept: S3"));
+  const Extrinsics updated = UpdateExtrinsics(last, now, check);
+  ASSERT_EQ(updated.sensors.size(), 6u);
+  EXPECT_EQ(updated.sensors[3].structure_from_sensor->matrix(),
+            last.sensors[3].structure_from_sensor->matrix());
+  EXPECT_FALSE(updated.sensors[2].structure_from_sensor);
+  for (const std::size_t i : {1, 5}) {
+    EXPECT_LT(ComparePoses(*updated.sensors[i].structure_from_sensor,
+                           *last.sensors[i == 5 ? 0 : 1].structure_from_sensor)
+                  .translation_m,
+              1e-6);
+    EXPECT_GT(updated.sensors[i].covariance.trace(), last.sensors[3].covariance.trace());
+  }
+  EXPECT_EQ(nlohmann::json::parse(RigCheckText(check, "check"))["sensors"][0].count("found_from_m"),
+            0u);
+
+  options.moved = {"S1", "S4"};
+  ExpectError<DataError>([&] { CheckRig("last.json", last, now, options); },
+                         {"\"S4\"", "last.json"});
+}
+
 TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   const Pose last_from_now = Moved(0.5, 0.7);
   const Extrinsics last = Rig(Pose::Identity());
@@ -382,6 +416,30 @@ TEST(Movement, FindsTheSensorThatMovedWhereverTheStructureStands) {
     const Vector6d error =
         LeftDifference(found.structure_from_sensor, captures.true_last[index] * before_from_after);
     EXPECT_LT(error.dot(found.covariance.ldlt().solve(error)), 30) << seed;
+  }
+}
+
+TEST(Movement, WhatIsKnownToHaveMovedHasNoVote) {
+  // Three of four moved alike: they would outvote the one that stayed.
+  const Pose before_from_after = Turned({0, 0.03, 0}, {0.2, 0, 0});
+  Captures captures(4, 7);
+  for (const int mover : {0, 1, 3}) captures.Move(mover, before_from_after);
+  MovementOptions options;
+  options.moved = {"S0", "S1", "S3"};
+  EXPECT_FALSE(FindMovements(captures.last, captures.now, options).last_from_now);
+  options.one_may_stay = true;
+  const Movements movements = FindMovements(captures.last, captures.now, options);
+  ASSERT_TRUE(movements.last_from_now);
+  EXPECT_TRUE(Within(ComparePoses(*movements.last_from_now, captures.last_from_now), 0.02, 0.6));
+  ASSERT_EQ(movements.sensors.size(), 4u);
+  EXPECT_EQ(movements.sensors[0].name, "S2");
+  EXPECT_EQ(movements.sensors[0].movement, Movement::kStayed);
+  for (const std::size_t i : {1, 2, 3}) {
+    EXPECT_EQ(movements.sensors[i].movement, Movement::kMoved);
+    const auto index = static_cast<std::size_t>(std::stoi(movements.sensors[i].name.substr(1)));
+    const Vector6d error = LeftDifference(movements.sensors[i].structure_from_sensor,
+                                          captures.true_last[index] * before_from_after);
+    EXPECT_LT(error.dot(movements.sensors[i].covariance.ldlt().solve(error)), 30);
   }
 }
 
