@@ -118,12 +118,13 @@ Command AddAddCommand(CLI::App& program) {
                   "names of sensors that were moved or replaced. Those that are not named are "
                   "tested; a single one is trusted")
       ->take_all();
-  app->add_option("-o,--output", options->output,
-                  "extrinsics.json to write: new poses of what is new or has moved, in the "
-                  "structure frame of the last calibration. What stayed keeps its poses")
+  app->add_option(
+         "-o,--output", options->output,
+         "file to write: extrinsics.json of the whole rig, in the structure frame of the last "
+         "calibration. New and moved sensors have new poses; the others keep theirs")
       ->required();
   app->add_option("--calibration", options->request.output,
-                  "folder for check.json and for what `calibrate` writes of the new capture");
+                  "keeps check.json and the calibration of the new capture in this folder");
   return {app, [options] {
             const Compared found = Compare(*options);
             const Extrinsics rig = UpdateExtrinsics(found.last, found.now, found.check);

@@ -23,6 +23,8 @@ const std::map<std::string, std::string>& Examples() {
       "volalign train --config configs/m05-lite.yaml --set run.samples=32 "
       "--set run.validation_samples=16 --set optim.warmup_samples=16 -o out/try\n";
   static const std::map<std::string, std::string> examples = {
+      {"add", calibrate + "volalign add --extrinsics out/calibration/extrinsics.json --capture "
+                          "out/capture/capture.json -o out/rig.json\n"},
       {"calibrate", calibrate},
       {"init", draft},
       {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
