@@ -19,14 +19,17 @@ namespace {
 struct ConvertOptions {
   std::string input, from = "volalign", to, output;
   std::vector<std::string> colour_cameras;
-  std::string camera = "depth";
+  std::string camera = "depth", poses_for = "corrected";
   WorldChoice world;
 };
 
-/// All words but that of volalign's own extrinsics.json.
-std::string OtherFormats() {
-  std::vector<std::string> words = WordsOfAll<PoseFormat>();
-  words.erase(std::find(words.begin(), words.end(), ToString(PoseFormat::kVolalign)));
+/// Words of the formats that are written, or read.
+std::string Formats(bool read) {
+  std::vector<std::string> words;
+  for (const std::string& word : WordsOfAll<PoseFormat>()) {
+    const PoseFormat format = ParsePoseFormat(word);
+    if (read ? IsReadable(format) : format != PoseFormat::kVolalign) words.push_back(word);
+  }
   return fmt::format("{}", fmt::join(words, ", "));
 }
 
@@ -47,6 +50,7 @@ int RunConvert(const ConvertOptions& options) {
   const auto poses = ReadPoses(options.input, from, ReadColourCameras(options.colour_cameras));
   WorldChoice world = options.world;
   world.colour = options.camera == "colour";
+  world.raw = options.poses_for == "raw";
   if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
   std::vector<std::string> notes;
   if (IsFolder(to)) {
@@ -74,12 +78,12 @@ Command AddConvertCommand(CLI::App& program) {
   app->add_option("input", options->input,
                   "extrinsics.json of `volalign calibrate`, or its folder, or what --from names")
       ->required();
-  const std::string words = OtherFormats();
-  app->add_option("--to", options->to, "format to write: " + words)->required();
-  app->add_option("--from", options->from, "format of the input: volalign, " + words)
+  app->add_option("--to", options->to, "format to write: " + Formats(false))->required();
+  app->add_option("--from", options->from, "format of the input: " + Formats(true))
       ->capture_default_str();
   app->add_option("-o,--output", options->output,
-                  "file to write; a folder for colmap, volumetric_capture and livescan3d_...")
+                  "file to write; a folder for colmap, depth_correction, volumetric_capture and "
+                  "livescan3d_...")
       ->required();
   app->add_option("--origin", options->world.origin,
                   "of the written poses: structure, floor (the point of the floor below the "
@@ -93,6 +97,14 @@ Command AddConvertCommand(CLI::App& program) {
   app->add_option("--camera", options->camera, "whose poses and intrinsics are written")
       ->check(CLI::IsMember({"depth", "colour"}))
       ->capture_default_str();
+  app->add_option("--poses-for", options->poses_for,
+                  "the depths that the poses fit: corrected by depth_gain and depth_offset_m, or "
+                  "raw, for a program that corrects nothing")
+      ->check(CLI::IsMember({"corrected", "raw"}))
+      ->capture_default_str();
+  app->add_option("--frame", options->world.frame,
+                  "name of the world in ros, ros_launch and urdf, for example robot_base; without "
+                  "it, by --origin");
   app->add_option(
          "--colour-camera", options->colour_cameras,
          "SENSOR=FILE: raw calibration JSON of that Azure Kinect, which says where its "

@@ -80,7 +80,10 @@ std::vector<std::string> Write(const std::string& path, PoseFormat format,
 }
 
 WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>& up,
-                     const std::string& camera) {
+                     const std::string& camera, const std::string& poses_for,
+                     const std::optional<std::string>& frame) {
+  if (poses_for != "corrected" && poses_for != "raw")
+    throw ConfigError(fmt::format("poses_for = '{}': use corrected or raw", poses_for));
   if (camera != "depth" && camera != "colour")
     throw ConfigError(fmt::format("camera = '{}': use depth or colour", camera));
   if (up && *up != "y" && *up != "z") throw ConfigError(fmt::format("up = '{}': use y or z", *up));
@@ -88,16 +91,20 @@ WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>
   choice.origin = origin;
   choice.up = up.value_or("");
   choice.colour = camera == "colour";
+  choice.raw = poses_for == "raw";
+  choice.frame = frame.value_or("");
   return choice;
 }
 
 std::vector<std::string> Convert(const py::object& source, const std::string& format,
                                  const Path& output, const std::string& from_format,
                                  const ColourFiles& colour_cameras, const std::string& origin,
-                                 const std::optional<std::string>& up, const std::string& camera) {
+                                 const std::optional<std::string>& up, const std::string& camera,
+                                 const std::string& poses_for,
+                                 const std::optional<std::string>& frame) {
   const PoseFormat to = ParsePoseFormat(format), from = ParsePoseFormat(from_format);
   const ColourCameras cameras = CamerasOf(colour_cameras);
-  WorldChoice choice = ChoiceOf(origin, up, camera);
+  WorldChoice choice = ChoiceOf(origin, up, camera, poses_for, frame);
   std::vector<SensorPose> poses;
   if (py::isinstance<Calibrated>(source)) {
     const auto& calibrated = source.cast<const Calibrated&>();
@@ -148,22 +155,25 @@ void AddConvert(py::module_& module) {
   module.attr("pose_formats") = py::tuple(formats);
 
   const std::string colour = kColourCameras;
-  module.def("convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"),
-             py::kw_only(), py::arg("from_format") = "volalign",
-             py::arg("colour_cameras") = ColourFiles(), py::arg("origin") = "structure",
-             py::arg("up") = py::none(), py::arg("camera") = "depth",
-             ("Writes poses as another program reads them (docs/conversion.md).\n\n"
-              "source: a Result, or a file or folder of from_format. format: one of pose_formats "
-              "but volalign. output: a file; a folder for colmap, volumetric_capture and "
-              "livescan3d_... " +
-              colour +
-              "origin: of the written poses: structure, floor (the point of the floor below the "
-              "structure's origin) or a sensor's name. up: y or z, the axis that is up; None: what "
-              "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
-              "depth or colour, whose poses and intrinsics are written. "
-              "Returns what the format has no place for, a sentence each. Raises ConfigError, "
-              "DataError, IoError.")
-                 .c_str());
+  module.def(
+      "convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"), py::kw_only(),
+      py::arg("from_format") = "volalign", py::arg("colour_cameras") = ColourFiles(),
+      py::arg("origin") = "structure", py::arg("up") = py::none(), py::arg("camera") = "depth",
+      py::arg("poses_for") = "corrected", py::arg("frame") = py::none(),
+      ("Writes poses as another program reads them (docs/conversion.md).\n\n"
+       "source: a Result, or a file or folder of from_format. format: one of pose_formats "
+       "but volalign. output: a file; a folder for colmap, depth_correction, volumetric_capture "
+       "and livescan3d_... " +
+       colour +
+       "origin: of the written poses: structure, floor (the point of the floor below the "
+       "structure's origin) or a sensor's name. up: y or z, the axis that is up; None: what "
+       "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
+       "depth or colour, whose poses and intrinsics are written. poses_for: corrected or raw, "
+       "the depths that the poses fit. frame: name of the world in ros, ros_launch and "
+       "urdf. "
+       "Returns what the format has no place for, a sentence each. Raises ConfigError, "
+       "DataError, IoError.")
+          .c_str());
   module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
              py::arg("colour_cameras") = ColourFiles(),
              ("SensorPose by name, of a file or folder of any of pose_formats. " + colour +

@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <map>
 #include <set>
+#include <string_view>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
@@ -20,6 +23,43 @@ namespace volalign {
 namespace {
 
 using namespace poses_internal;
+
+/// A file format. Those that are folders have functions of their own.
+struct Format {
+  PoseFormat format;
+  /// Of a format that is one text. Null if it is a folder, or not read or written.
+  Poses (*read)(const std::string& text, const std::string& name);
+  std::string (*write)(const Poses& poses, const FileFrame& frame);
+  bool readable = true;
+  std::string_view up =
+      "";  ///< the axis that is up in every file; "" if the format leaves the choice
+  bool holds_intrinsics = true, holds_depth = true;  ///< depth: gain and offset
+  bool needs_intrinsics = false;
+};
+
+constexpr Format kFormats[] = {
+    {PoseFormat::kVolalign, nullptr, nullptr},
+    {PoseFormat::kPoses, ReadPosesJson, WritePosesJson},
+    {PoseFormat::kOpen3d, ReadOpen3d, WriteOpen3d, true, "", true, true, true},
+    {PoseFormat::kOpen3dLog, ReadOpen3dLog, WriteOpen3dLog, true, "", false},
+    {PoseFormat::kColmap, nullptr, nullptr, true, "", true, true, true},
+    {PoseFormat::kOpencv, ReadOpencv, WriteOpencv},
+    {PoseFormat::kRos, ReadRos, WriteRos, true, "z", false},
+    {PoseFormat::kRosLaunch, nullptr, WriteRosLaunch, false, "z", false},
+    {PoseFormat::kUrdf, nullptr, WriteUrdf, false, "z", false, false},
+    {PoseFormat::kUnity, ReadUnity, WriteUnity, true, "y"},
+    {PoseFormat::kVolumetricCapture, nullptr, nullptr, true, "z", false, false},
+    {PoseFormat::kLivescanKinectV2, nullptr, nullptr, true, "", false, false},
+    {PoseFormat::kLivescanAzure, nullptr, nullptr, true, "", false, false},
+    {PoseFormat::kCwipc, ReadCwipc, WriteCwipc, true, "", false},
+    {PoseFormat::kTum, ReadTum, WriteTum, true, "", false},
+    {PoseFormat::kCsv, ReadCsv, WriteCsv},
+    {PoseFormat::kDepthCorrection, nullptr, nullptr, false, "", true, true, true}};
+
+const Format& FormatOf(PoseFormat format) {
+  return *std::find_if(std::begin(kFormats), std::end(kFormats),
+                       [&](const Format& one) { return one.format == format; });
+}
 
 bool IsLivescan(PoseFormat format) {
   return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
@@ -69,6 +109,7 @@ std::vector<SensorPose> ReadPosesOfExtrinsics(const std::filesystem::path& path)
     if (!sensor.structure_from_sensor) continue;
     poses.push_back(
         {sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, sensor.serial});
+    poses.back().intrinsics_given = sensor.intrinsics_given;
     if (std::isfinite(sensor.depth_gain) && std::isfinite(sensor.depth_offset_m)) {
       poses.back().depth_gain = sensor.depth_gain;
       poses.back().depth_offset_m = sensor.depth_offset_m;
@@ -76,15 +117,6 @@ std::vector<SensorPose> ReadPosesOfExtrinsics(const std::filesystem::path& path)
     if (sensor.colour) poses.back().colour = static_cast<const ColourCamera&>(*sensor.colour);
   }
   return poses;
-}
-
-bool IsZUp(PoseFormat format) {
-  return format == PoseFormat::kRos || format == PoseFormat::kVolumetricCapture;
-}
-
-/// The axis that is up in every file of the format; "" if it leaves the choice.
-std::string FixedUp(PoseFormat format) {
-  return IsZUp(format) ? "z" : format == PoseFormat::kUnity ? "y" : "";
 }
 
 Pose ZUp() {
@@ -127,7 +159,7 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
 /// p_world = T p_structure, and the file's description of the world.
 std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
                                    const WorldChoice& choice) {
-  const std::string fixed = FixedUp(format);
+  const std::string fixed(FormatOf(format).up);
   if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
     throw ConfigError(
         fmt::format("--up {}: in files of {}, {} is up", choice.up, ToString(format), fixed));
@@ -161,30 +193,12 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
   return {up == "z" ? ZUp() * world : world, frame};
 }
 
-/// The functions of a format that is one text.
-struct TextCodec {
-  PoseFormat format;
-  Poses (*read)(const std::string& text, const std::string& name);
-  std::string (*write)(const Poses& poses, const FileFrame& frame);
-};
-constexpr TextCodec kTextCodecs[] = {{PoseFormat::kPoses, ReadPosesJson, WritePosesJson},
-                                     {PoseFormat::kOpen3d, ReadOpen3d, WriteOpen3d},
-                                     {PoseFormat::kOpen3dLog, ReadOpen3dLog, WriteOpen3dLog},
-                                     {PoseFormat::kOpencv, ReadOpencv, WriteOpencv},
-                                     {PoseFormat::kRos, ReadRos, WriteRos},
-                                     {PoseFormat::kUnity, ReadUnity, WriteUnity},
-                                     {PoseFormat::kCwipc, ReadCwipc, WriteCwipc},
-                                     {PoseFormat::kTum, ReadTum, WriteTum},
-                                     {PoseFormat::kCsv, ReadCsv, WriteCsv}};
-
-const TextCodec& CodecOf(PoseFormat format) {
-  return *std::find_if(std::begin(kTextCodecs), std::end(kTextCodecs),
-                       [&](const TextCodec& codec) { return codec.format == format; });
-}
-
 std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format,
                                 const ColourCameras& colour) {
   if (format == PoseFormat::kVolalign) return ReadPosesOfExtrinsics(path);
+  if (!IsReadable(format)) {
+    throw ConfigError(fmt::format("{} is written and not read", ToString(format)));
+  }
   if (IsFolder(format)) {
     const Files files = ReadFolder(path, format);
     if (IsLivescan(format)) {
@@ -196,54 +210,80 @@ std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat fo
     }
     return format == PoseFormat::kColmap ? ReadColmap(files) : ReadVolumetricCapture(files);
   }
-  return CodecOf(format).read(ReadFile(path, kMaxResultBytes), path.string());
+  return FormatOf(format).read(ReadFile(path, kMaxResultBytes), path.string());
 }
 
-bool HoldsIntrinsics(PoseFormat format) {
-  return format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
-         format != PoseFormat::kVolumetricCapture && format != PoseFormat::kTum &&
-         format != PoseFormat::kCwipc && !IsLivescan(format);
+/// "S1 +3.2, S2 -0.4", of the sensors with a value above a tenth of a millimetre.
+std::string Millimetres(const std::vector<SensorPose>& poses,
+                        const std::function<double(const SensorPose&)>& metres) {
+  std::vector<std::string> sensors;
+  for (const SensorPose& pose : poses) {
+    const double mm = 1000 * metres(pose);
+    if (std::abs(mm) >= 0.05) sensors.push_back(fmt::format("{} {:+.1f}", pose.name, mm));
+  }
+  return fmt::format("{}", fmt::join(sensors, ", "));
 }
 
 /// A sentence on the depth corrections, each with its size at the structure's distance; "" without
 /// any.
 std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, bool colour) {
-  std::vector<std::string> sensors;
-  for (const SensorPose& pose : poses) {
+  const std::string off = Millimetres(poses, [](const SensorPose& pose) {
     const double distance = pose.structure_from_sensor.translation().norm();
-    if (pose.corrects_depth()) {
-      sensors.push_back(
-          fmt::format("{} {:+.1f}", pose.name,
-                      1000 * ((pose.depth_gain - 1) * distance + pose.depth_offset_m)));
-    }
-  }
-  if (sensors.empty()) return "";
-  const bool held = format != PoseFormat::kVolumetricCapture && !IsLivescan(format) && !colour;
+    return (pose.depth_gain - 1) * distance + pose.depth_offset_m;
+  });
+  if (off.empty()) return "";
   return fmt::format(
       "the poses belong to corrected depths, {}; without the correction, points at the structure "
       "are off by so many mm: {}",
-      held     ? "by each sensor's depth_gain and depth_offset_m in the file"
-      : colour ? "and these corrections of the depth cameras are not in the file"
-               : "and these corrections have no place in it",
-      fmt::join(sensors, ", "));
+      colour ? "and these corrections of the depth cameras are not in the file"
+      : !FormatOf(format).holds_depth ? "and these corrections have no place in it"
+      : format == PoseFormat::kDepthCorrection
+          ? "which these files describe"
+          : "by each sensor's depth_gain and depth_offset_m in the file",
+      off);
+}
+
+/// The poses that fit uncorrected depths best, and a sentence on what they leave.
+std::string TurnIntoRaw(std::vector<SensorPose>* poses) {
+  std::map<std::string, double> left;
+  for (SensorPose& pose : *poses) {
+    const RawPose raw = PoseForRawDepth(pose);
+    pose.structure_from_sensor = raw.structure_from_sensor;
+    pose.depth_gain = 1;
+    pose.depth_offset_m = 0;
+    left[pose.name] = raw.rms_m;
+  }
+  const std::string off =
+      Millimetres(*poses, [&](const SensorPose& pose) { return left.at(pose.name); });
+  if (off.empty()) return "";
+  return "the poses fit uncorrected depths best; points within 1 m of the structure are still off "
+         "by so many mm (RMS): " +
+         off;
 }
 
 /// Throws if the format cannot be written. Returns a sentence on everything that it leaves out.
 std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorPose>& poses) {
-  const bool needs = format == PoseFormat::kOpen3d || format == PoseFormat::kColmap;
+  const Format& traits = FormatOf(format);
   bool intrinsics = false, distortion = false;
   for (const SensorPose& pose : poses) {
-    if (needs && !pose.intrinsics)
+    if (traits.needs_intrinsics && !pose.intrinsics)
       throw ConfigError(fmt::format("{} needs intrinsics, and those of \"{}\" are not known",
                                     ToString(format), pose.name));
-    if ((format == PoseFormat::kVolumetricCapture || IsLivescan(format)) &&
+    if (IsFolder(format) && format != PoseFormat::kColmap &&
         (pose.name.empty() || pose.name.find('/') != std::string::npos || pose.name[0] == '.'))
       throw ConfigError(fmt::format("\"{}\" is no name of a file", pose.name));
     intrinsics = intrinsics || pose.intrinsics;
     distortion = distortion || (pose.intrinsics && !pose.intrinsics->distortion.empty());
   }
   std::vector<std::string> lost;
-  if (intrinsics && !HoldsIntrinsics(format)) lost.push_back("the intrinsics have no place in it");
+  if (intrinsics && !traits.holds_intrinsics) {
+    const std::string off = Millimetres(poses, LensShift);
+    lost.push_back("the intrinsics have no place in it" +
+                   (off.empty() ? off
+                                : "; with those of the capture, points at the structure are off by "
+                                  "up to so many mm: " +
+                                      off));
+  }
   if (distortion && format == PoseFormat::kOpen3d)
     lost.push_back(
         "the distortion has no place in it: Open3D's cameras are pinholes, so undistort the "
@@ -258,9 +298,10 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
 
 }  // namespace
 
+bool IsReadable(PoseFormat format) { return FormatOf(format).readable; }
+
 bool IsFolder(PoseFormat format) {
-  return format == PoseFormat::kColmap || format == PoseFormat::kVolumetricCapture ||
-         IsLivescan(format);
+  return format != PoseFormat::kVolalign && !FormatOf(format).write;
 }
 
 PoseFormat ParsePoseFormat(const std::string& word) {
@@ -276,7 +317,8 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
   if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
   for (SensorPose& pose : poses) {
     RequirePlainName(pose.name, path.string());
-    if (IsZUp(format)) pose.structure_from_sensor = ZUp().inverse() * pose.structure_from_sensor;
+    if (FormatOf(format).up == "z")
+      pose.structure_from_sensor = ZUp().inverse() * pose.structure_from_sensor;
     const auto given = colour.find(pose.name);
     if (given != colour.end()) pose.colour = given->second;
   }
@@ -304,23 +346,30 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     if (!names.insert(pose.name).second)
       throw DataError(fmt::format("{}: two poses are named \"{}\"", path.string(), pose.name));
   }
+  if (choice.raw && (choice.colour || format == PoseFormat::kDepthCorrection)) {
+    throw ConfigError(fmt::format("--poses-for raw: {} has nothing to do with uncorrected depths",
+                                  choice.colour ? "--camera colour" : ToString(format)));
+  }
   std::vector<SensorPose> cameras = choice.colour ? ColourPoses(poses) : poses;
-  const auto [world_from_structure, frame] = WorldOf(format, cameras, choice);
+  const std::string raw_note = choice.raw ? TurnIntoRaw(&cameras) : "";
+  auto [world_from_structure, frame] = WorldOf(format, cameras, choice);
+  if (!choice.frame.empty()) frame.name = choice.frame;
   for (SensorPose& camera : cameras)
     camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
   std::vector<std::string> notes = CheckPlace(format, cameras);
-  if (const std::string note = DepthNote(format, poses, choice.colour); !note.empty())
-    notes.push_back(note);
+  const std::string note = choice.raw ? raw_note : DepthNote(format, poses, choice.colour);
+  if (!note.empty()) notes.push_back(note);
   if (!IsFolder(format)) {
-    WriteFileAtomically(path, CodecOf(format).write(cameras, frame));
+    WriteFileAtomically(path, FormatOf(format).write(cameras, frame));
     return notes;
   }
   const auto camera_of = [&](const std::string& name) {
     return LivescanCamera(format, name, SensorNamed(cameras, name).colour);
   };
-  const Files files = IsLivescan(format)              ? WriteLivescan(cameras, camera_of)
-                      : format == PoseFormat::kColmap ? WriteColmap(cameras, frame)
-                                                      : WriteVolumetricCapture(cameras);
+  const Files files = IsLivescan(format)                       ? WriteLivescan(cameras, camera_of)
+                      : format == PoseFormat::kColmap          ? WriteColmap(cameras, frame)
+                      : format == PoseFormat::kDepthCorrection ? WriteDepthCorrection(cameras)
+                                                               : WriteVolumetricCapture(cameras);
   for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
   return notes;
 }

@@ -22,15 +22,18 @@ enum class PoseFormat {
   kColmap,
   kOpencv,
   kRos,
+  kRosLaunch,
+  kUrdf,
   kUnity,
   kVolumetricCapture,
   kLivescanKinectV2,
   kLivescanAzure,
   kCwipc,
   kTum,
-  kCsv
+  kCsv,
+  kDepthCorrection
 };
-constexpr Words<PoseFormat, 14> WordsOf(PoseFormat) {
+constexpr Words<PoseFormat, 17> WordsOf(PoseFormat) {
   return {{{"volalign", PoseFormat::kVolalign},
            {"poses", PoseFormat::kPoses},
            {"open3d", PoseFormat::kOpen3d},
@@ -38,13 +41,16 @@ constexpr Words<PoseFormat, 14> WordsOf(PoseFormat) {
            {"colmap", PoseFormat::kColmap},
            {"opencv", PoseFormat::kOpencv},
            {"ros", PoseFormat::kRos},
+           {"ros_launch", PoseFormat::kRosLaunch},
+           {"urdf", PoseFormat::kUrdf},
            {"unity", PoseFormat::kUnity},
            {"volumetric_capture", PoseFormat::kVolumetricCapture},
            {"livescan3d_kinect_v2", PoseFormat::kLivescanKinectV2},
            {"livescan3d_azure", PoseFormat::kLivescanAzure},
            {"cwipc", PoseFormat::kCwipc},
            {"tum", PoseFormat::kTum},
-           {"csv", PoseFormat::kCsv}}};
+           {"csv", PoseFormat::kCsv},
+           {"depth_correction", PoseFormat::kDepthCorrection}}};
 }
 
 /// Colour cameras by their sensors' names. livescan3d_azure has points of the colour camera, so
@@ -57,11 +63,13 @@ struct WorldChoice {
   /// sensor's name.
   std::string origin = "structure";
   /// The axis that is up: "y", or "z" by (x, y, z) -> (x, -z, y). If empty, it is the format's own
-  /// axis: z for ros and volumetric_capture, else y. With a sensor as the origin and no axis, the
-  /// camera's own axes are taken and its pose is the identity. Not so in ros, unity and
-  /// volumetric_capture, which have a fixed axis.
+  /// axis: z for ros, ros_launch, urdf and volumetric_capture, else y. With a sensor as the origin
+  /// and no axis, the camera's own axes are taken and its pose is the identity. Not so in formats
+  /// with a fixed axis, which are those and unity.
   std::string up;
+  std::string frame;    ///< name of the world in formats that have one, if not by the origin
   bool colour = false;  ///< poses and intrinsics of colour cameras, not depth cameras
+  bool raw = false;     ///< poses that fit depths without their correction best
   /// Height of the floor in the structure frame, m; "floor" needs it.
   std::optional<double> floor_m;
 };
@@ -69,13 +77,17 @@ struct WorldChoice {
 /// Parses a format's word. Throws ConfigError with all words for any other.
 PoseFormat ParsePoseFormat(const std::string& word);
 
+/// Can files of that format be read? They can of all but `ros_launch`, `urdf` and
+/// `depth_correction`. All but `volalign` are written.
+bool IsReadable(PoseFormat format);
+
 /// Is that format a folder of files?
 bool IsFolder(PoseFormat format);
 
 /// Reads a file, or a folder if the format is one, or the folder of a calibration for `volalign`.
 /// Formats without names name the sensors by their number. Poses are as in the file, y up. Colour
 /// cameras in `colour` replace those of the file. Throws IoError, DataError, or ConfigError if a
-/// colour camera is needed and not known.
+/// colour camera is needed and not known, or if the format is only written.
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
                                   const ColourCameras& colour = {});
 
@@ -84,9 +96,9 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
 std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format);
 
 /// Writes atomically, over existing files. Returns a sentence for everything that the format has no
-/// place for, and one on the depth corrections. Throws IoError. Throws ConfigError for `volalign`,
-/// which only `volalign calibrate` writes, and if the format or the choice needs something that is
-/// not known.
+/// place for, and one on the depth corrections, each with its cost in millimetres. Throws IoError.
+/// Throws ConfigError for `volalign`, which only `volalign calibrate` writes, and if the format or
+/// the choice needs something that is not known.
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
                                     const std::vector<SensorPose>& poses,
                                     const WorldChoice& choice = {});

@@ -66,6 +66,10 @@ Poses ReadOpencv(const std::string& text, const std::string& name);
 std::string WriteRos(const Poses& poses, const FileFrame& frame);
 Poses ReadRos(const std::string& text, const std::string& name);
 
+/// A launch file of ROS 2, and joints of a robot's description, both in the world of ros.
+std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame);
+std::string WriteUrdf(const Poses& poses, const FileFrame& frame);
+
 /// Its world has z up, as in ros.
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
@@ -83,5 +87,22 @@ bool IsLivescanFile(const std::string& file);
 
 Files WriteColmap(const Poses& poses, const FileFrame& frame);
 Poses ReadColmap(const Files& files);
+
+/// Per sensor, a NumPy file NAME.npy, float32 [height, width, 4]: x and y of the pixel's ray on the
+/// plane z = 1, sensor frame, NaN without one; depth_gain; depth_offset_m. All need intrinsics.
+Files WriteDepthCorrection(const Poses& poses);
+
+/// The pose with which uncorrected depths fit best, and the root mean square, m, of what it leaves,
+/// both for points up to 1 m from the structure's origin.
+struct RawPose {
+  Pose structure_from_sensor = Pose::Identity();
+  double rms_m = 0;
+};
+/// Throws ConfigError if none of these points is before the sensor.
+RawPose PoseForRawDepth(const SensorPose& sensor);
+
+/// m: by how much the intrinsics that were given misplace a visible point up to 1 m from the
+/// structure's origin. 0 if there are no others.
+double LensShift(const SensorPose& sensor);
 
 }  // namespace volalign::poses_internal

@@ -18,6 +18,8 @@ struct SensorPose {
   std::string serial;  ///< of the device; may be empty
   /// True depth = depth_gain * measured depth + depth_offset_m; the pose belongs to true depths.
   double depth_gain = 1, depth_offset_m = 0;
+  /// Those of the capture, if known.
+  std::optional<Intrinsics> intrinsics_given = std::nullopt;
 
   bool corrects_depth() const { return depth_gain != 1 || depth_offset_m != 0; }
 };

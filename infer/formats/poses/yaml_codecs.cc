@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 #include <yaml-cpp/yaml.h>
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/base/error.h"
@@ -100,22 +101,26 @@ std::string RosTransform(const std::string& parent, const std::string& child, co
       Real(q.y()), Real(q.z()), Real(q.w()));
 }
 
-/// A word of a command of sh.
-std::string ShellWord(const std::string& word) {
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
+/// Text of XML; in a comment, two hyphens do not follow each other.
+std::string XmlText(const std::string& text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '&' || c == '<' || c == '>' || c == '"' || c == '-') {
+      escaped += fmt::format("&#{};", static_cast<int>(c));
+    } else {
+      escaped += c;
+    }
+  }
+  return escaped;
 }
+std::string XmlQuoted(const std::string& text) { return "\"" + XmlText(text) + "\""; }
 
-/// The command of ROS 2 that publishes a transform, as a comment.
-std::string RosCommand(const std::string& parent, const std::string& child, const Pose& pose) {
-  const Eigen::Vector3d& t = pose.translation();
-  const Eigen::Quaterniond q = QuaternionOf(pose.linear());
-  return fmt::format(
-      "# ros2 run tf2_ros static_transform_publisher --x {} --y {} --z {} --qx {} --qy {} --qz {} "
-      "--qw {} --frame-id {} --child-frame-id {}\n",
-      Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()), Real(q.y()), Real(q.z()), Real(q.w()),
-      ShellWord(parent), ShellWord(child));
+/// URDF's angles, rad: R = Rz(yaw) Ry(pitch) Rx(roll).
+Eigen::Vector3d RollPitchYaw(const Eigen::Matrix3d& r) {
+  const double level = std::hypot(r(0, 0), r(1, 0));
+  const double pitch = std::atan2(-r(2, 0), level);
+  if (level < 1e-9) return {std::atan2(-r(1, 2), r(1, 1)), pitch, 0};  // the other two are one turn
+  return {std::atan2(r(2, 1), r(2, 2)), pitch, std::atan2(r(1, 0), r(0, 0))};
 }
 
 }  // namespace
@@ -191,10 +196,54 @@ std::string WriteRos(const Poses& poses, const FileFrame& frame) {
   text += DepthComments(poses);
   for (const SensorPose& sensor : poses)
     text += RosTransform(frame.name, sensor.name + optical, sensor.structure_from_sensor);
-  text += "# Each of these lines, without its #, publishes one of them in ROS 2:\n";
-  for (const SensorPose& sensor : poses)
-    text += RosCommand(frame.name, sensor.name + optical, sensor.structure_from_sensor);
   return text;
+}
+
+std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame) {
+  const char* optical = frame.colour ? kColourFrame : kDepthFrame;
+  std::string text = fmt::format(
+      "# ROS 2: ros2 launch THIS_FILE. Starts a publisher of the static transform of each sensor.\n"
+      "# {}: {} (REP 103), metres.\n# *{}: x right, y down, z forward.\n{}"
+      "from launch import LaunchDescription\nfrom launch_ros.actions import Node\n\n\n"
+      "def generate_launch_description():\n    return LaunchDescription([\n",
+      frame.name, frame.world, optical, DepthComments(poses));
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Pose& pose = poses[i].structure_from_sensor;
+    const Eigen::Vector3d& t = pose.translation();
+    const Eigen::Quaterniond q = QuaternionOf(pose.linear());
+    text += fmt::format(
+        "        Node(package=\"tf2_ros\", executable=\"static_transform_publisher\", "
+        "name=\"volalign_tf_{}\", arguments=[\n"
+        "            \"--x\", \"{}\", \"--y\", \"{}\", \"--z\", \"{}\",\n"
+        "            \"--qx\", \"{}\", \"--qy\", \"{}\", \"--qz\", \"{}\", \"--qw\", \"{}\",\n"
+        "            \"--frame-id\", {}, \"--child-frame-id\", {}]),\n",
+        i, Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()), Real(q.y()), Real(q.z()),
+        Real(q.w()), Quoted(frame.name), Quoted(poses[i].name + optical));
+  }
+  return text + "    ])\n";
+}
+
+std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
+  const char* optical = frame.colour ? kColourFrame : kDepthFrame;
+  const std::string parent = XmlQuoted(frame.name);
+  std::string text = fmt::format(
+      "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres; sensors: x right, y down, z "
+      "forward. "
+      "To place the\nsensors in a robot's description, copy the links and joints of the sensors. "
+      "-->\n<robot name=\"volalign\">\n  <link name={}/>\n",
+      XmlText(frame.name), frame.world, parent);
+  for (const SensorPose& pose : poses) {
+    const std::string child = XmlQuoted(pose.name + optical);
+    const Eigen::Vector3d& t = pose.structure_from_sensor.translation();
+    const Eigen::Vector3d rpy = RollPitchYaw(pose.structure_from_sensor.linear());
+    text += fmt::format(
+        "  <link name={0}/>\n  <joint name={1} type=\"fixed\">\n    <parent link={2}/>\n"
+        "    <child link={0}/>\n    <origin xyz=\"{3} {4} {5}\" rpy=\"{6} {7} {8}\"/>\n"
+        "  </joint>\n",
+        child, XmlQuoted(pose.name + "_joint"), parent, Real(t.x()), Real(t.y()), Real(t.z()),
+        Real(rpy.x()), Real(rpy.y()), Real(rpy.z()));
+  }
+  return text + "</robot>\n";
 }
 
 Poses ReadRos(const std::string& text, const std::string& name) {

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <sstream>
+#include <string>
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
@@ -65,7 +66,12 @@ class PosesTest : public ::testing::Test {
 
   static WorldChoice World(const std::string& origin, const std::string& up = "",
                            bool colour = false, std::optional<double> floor_m = {}) {
-    return {origin, up, colour, floor_m};
+    WorldChoice world;
+    world.origin = origin;
+    world.up = up;
+    world.colour = colour;
+    world.floor_m = floor_m;
+    return world;
   }
 
   /// The poses, written by the format; returns the file.
@@ -87,7 +93,7 @@ void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
 
 bool HasNoRoomForDepth(PoseFormat format) {
   return format == PoseFormat::kVolumetricCapture || format == PoseFormat::kLivescanKinectV2 ||
-         format == PoseFormat::kLivescanAzure;
+         format == PoseFormat::kLivescanAzure || format == PoseFormat::kUrdf;
 }
 
 // By how much points are off without them, at the structure's distance.
@@ -115,7 +121,7 @@ TEST_F(PosesTest, SaysWhatBecomesOfDepthCorrections) {
 
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
   for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (format == PoseFormat::kVolalign) continue;
+    if (format == PoseFormat::kVolalign || !IsReadable(format)) continue;
     const std::vector<SensorPose> back = ReadPoses(Written(format), format, colour_);
     ASSERT_EQ(back.size(), poses_.size()) << word;
     const bool with_intrinsics = format != PoseFormat::kOpen3dLog && format != PoseFormat::kRos &&
@@ -151,7 +157,7 @@ Eigen::Vector3d ZUp(const Eigen::Vector3d& p) { return {p.x(), -p.z(), p.y()}; }
 std::vector<PoseFormat> FreeFormats() {
   std::vector<PoseFormat> formats;
   for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (format != PoseFormat::kVolalign && format != PoseFormat::kRos &&
+    if (IsReadable(format) && format != PoseFormat::kVolalign && format != PoseFormat::kRos &&
         format != PoseFormat::kUnity && format != PoseFormat::kVolumetricCapture)
       formats.push_back(format);
   }
@@ -219,6 +225,61 @@ TEST_F(PosesTest, SaysInTheFileWhichWorldItIs) {
   EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kPoses, World("S2", "z"))),
                   "z up, right-handed, (x, y, z) of volalign's structure frame is (x, -z, y), "
                   "origin at the camera of S2"));
+}
+
+TEST_F(PosesTest, TheWorldMayHaveAName) {
+  WorldChoice world;
+  world.frame = "robot base";
+  for (const PoseFormat format : {PoseFormat::kRos, PoseFormat::kRosLaunch, PoseFormat::kUrdf})
+    EXPECT_TRUE(Has(ReadFile(Written(format, world)), "\"robot base\"")) << ToString(format);
+}
+
+// Without a correction, what it would do is in the pose, as far as a pose can do it.
+TEST_F(PosesTest, PosesForRawDepths) {
+  WorldChoice world;
+  world.raw = true;
+  const std::vector<SensorPose> raw =
+      ReadPoses(Written(PoseFormat::kPoses, world), PoseFormat::kPoses);
+  for (std::size_t i = 0; i < raw.size(); ++i) {
+    EXPECT_FALSE(raw[i].corrects_depth());
+    const Pose& pose = poses_[i].structure_from_sensor;
+    const Eigen::Vector3d p = pose.inverse() * Eigen::Vector3d::Zero();
+    const Eigen::Vector3d measured =
+        p * ((p.z() - poses_[i].depth_offset_m) / poses_[i].depth_gain / p.z());
+    EXPECT_LT((raw[i].structure_from_sensor * measured).norm(), 5e-5) << i;
+    EXPECT_EQ((pose * measured).norm() > 5e-5, i > 0) << i;
+  }
+  const std::vector<std::string> notes =
+      WritePoses(Path("noted"), PoseFormat::kPoses, poses_, world);
+  ASSERT_EQ(notes.size(), 1u);
+  EXPECT_TRUE(Has(notes[0], "uncorrected depths", "S4 +"));
+  EXPECT_FALSE(Has(notes[0], "S1"));
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kDepthCorrection, world); },
+                           {"--poses-for raw", "depth_correction"});
+  world.colour = true;
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, world); }, {"--camera colour"});
+}
+
+TEST_F(PosesTest, SaysWhatLostIntrinsicsCost) {
+  poses_[0].intrinsics_given = poses_[0].intrinsics;
+  poses_[1].intrinsics_given = poses_[1].intrinsics;
+  poses_[1].intrinsics_given->cx += 3;
+  const double depth = (poses_[1].structure_from_sensor.inverse() * Eigen::Vector3d::Zero()).z();
+  const std::string note = WritePoses(Path("noted"), PoseFormat::kTum, poses_).front();
+  EXPECT_TRUE(Has(note, "intrinsics have no place", "S2 +"));
+  EXPECT_FALSE(Has(note, "S1"));
+  // Points behind the structure are farther off.
+  const double off = std::stod(note.substr(note.find("S2 +") + 4));
+  EXPECT_GT(off, 1000 * 3 / 252.5 * depth);
+  EXPECT_LT(off, 1000 * 3 / 252.5 * (depth + 1.1));
+  EXPECT_FALSE(Has(WritePoses(Path("noted"), PoseFormat::kCsv, poses_).front(), "intrinsics"));
+}
+
+TEST_F(PosesTest, SomeFormatsAreOnlyWritten) {
+  for (const PoseFormat format :
+       {PoseFormat::kRosLaunch, PoseFormat::kUrdf, PoseFormat::kDepthCorrection}) {
+    ExpectError<ConfigError>([&] { ReadPoses(Written(format), format); }, {"written and not read"});
+  }
 }
 
 TEST_F(PosesTest, OriginsThatAreNotKnown) {
@@ -512,30 +573,6 @@ TEST_F(PosesTest, RosHasZUp) {
   const std::size_t z = text.find("z: ", text.find("translation"));
   EXPECT_NEAR(std::stod(text.substr(z + 3)), y, 1e-12);
   EXPECT_TRUE(Has(text, "\"S1_depth_optical_frame\""));
-}
-
-TEST_F(PosesTest, RosCommandsPublishTheTransforms) {
-  const std::string text = ReadFile(Written(PoseFormat::kRos));
-  const std::string begin = "# ros2 run tf2_ros static_transform_publisher ";
-  std::size_t at = 0;
-  for (const SensorPose& sensor : ReadPoses(Path("poses"), PoseFormat::kRos)) {
-    at = text.find(begin, at);
-    ASSERT_NE(at, std::string::npos);
-    at += begin.size();
-    std::istringstream line(text.substr(at, text.find('\n', at) - at));
-    std::map<std::string, std::string> of;
-    for (std::string key, value; line >> key >> value;) of[key] = value;
-    const auto number = [&](const char* key) { return std::stod(of[key]); };
-    EXPECT_EQ(of["--frame-id"], "'structure'");
-    EXPECT_EQ(of["--child-frame-id"], "'" + sensor.name + "_depth_optical_frame'");
-    const Eigen::Quaterniond q(number("--qw"), number("--qx"), number("--qy"), number("--qz"));
-    const Eigen::Vector3d t(number("--x"), number("--y"), number("--z"));
-    // The file has z up: our (x, y, z) is its (x, -z, y).
-    Eigen::Matrix3d ours_from_file;
-    ours_from_file << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-    const Eigen::Vector3d p(0.1, 0.2, 2);
-    EXPECT_LT((ours_from_file * (q * p + t) - sensor.structure_from_sensor * p).norm(), 1e-9);
-  }
 }
 
 TEST_F(PosesTest, PicturesHaveAWholeNumberOfPixels) {
