@@ -18,6 +18,10 @@ Command AddCalibrateCommand(CLI::App& program) {
   app->add_option("-o,--output", request->output, "folder for poses, pictures and clouds")
       ->required();
   AddCalibrationOptions(app, request.get());
+  app->add_option(
+      "--world", request->world,
+      "file that says where the structure stands in a frame of yours: its pose, touched "
+      "corners, or the poses of the robot that carries it (docs/world.md)");
   return {app, [request] {
             const Calibration calibration = RunCalibration(*request);
             const CalibrationResult& result = calibration.result;

@@ -250,6 +250,9 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   WarnOf(out.structure);
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
+  std::optional<WorldObservation> world;
+  if (!request.world.empty()) world = ReadWorldObservation(request.world);
+
   // This comes before the work, because it fails if nobody can write there.
   std::optional<ResultFolder> folder;
   if (!request.output.empty()) {
@@ -274,6 +277,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
   out.source.captures = request.captures;
   out.source.note = request.note;
+  if (world) out.source.world = FindWorldFrame(*world, out.result, out.structure);
   if (segmenter) {
     out.source.model_file = segmenter->file();
     out.source.model_sha256 = segmenter->sha256();
@@ -291,6 +295,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   }
   line.Stop();
   request.table.Say(labeller.choice);
+  if (out.source.world) request.table.Say(WorldSentence(*out.source.world));
   return out;
 }
 

@@ -18,7 +18,7 @@ namespace volalign {
 /// The common options of the sub-commands that calibrate a capture.
 struct CalibrationRequest {
   std::vector<std::string> captures;
-  std::string model = "shipped", output, config, structure, initial, estimate, note;
+  std::string model = "shipped", output, config, structure, initial, estimate, note, world;
   std::vector<std::string> assignments, choose;
   /// Poses that are known beforehand: file, its format, standard deviations, and scale of the
   /// world.

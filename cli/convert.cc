@@ -52,6 +52,7 @@ int RunConvert(const ConvertOptions& options) {
   world.colour = options.camera == "colour";
   world.raw = options.poses_for == "raw";
   if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
+  world.world = ReadWorld(options.input, from);
   std::vector<std::string> notes;
   if (IsFolder(to)) {
     const ResultFolder folder(options.output);
@@ -87,8 +88,8 @@ Command AddConvertCommand(CLI::App& program) {
       ->required();
   app->add_option("--origin", options->world.origin,
                   "of the written poses: structure, floor (the point of the floor below the "
-                  "structure's origin) or a sensor's name")
-      ->capture_default_str();
+                  "structure's origin), world (that of `calibrate --world`) or a sensor's name. "
+                  "Without it: world if there is one, else structure");
   app->add_option(
          "--up", options->world.up,
          "axis that is up; without it what the format has, or, where a sensor is the origin, "

@@ -79,7 +79,7 @@ std::vector<std::string> Write(const std::string& path, PoseFormat format,
   return notes;
 }
 
-WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>& up,
+WorldChoice ChoiceOf(const std::optional<std::string>& origin, const std::optional<std::string>& up,
                      const std::string& camera, const std::string& poses_for,
                      const std::optional<std::string>& frame) {
   if (poses_for != "corrected" && poses_for != "raw")
@@ -88,7 +88,7 @@ WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>
     throw ConfigError(fmt::format("camera = '{}': use depth or colour", camera));
   if (up && *up != "y" && *up != "z") throw ConfigError(fmt::format("up = '{}': use y or z", *up));
   WorldChoice choice;
-  choice.origin = origin;
+  choice.origin = origin.value_or("");
   choice.up = up.value_or("");
   choice.colour = camera == "colour";
   choice.raw = poses_for == "raw";
@@ -98,7 +98,8 @@ WorldChoice ChoiceOf(const std::string& origin, const std::optional<std::string>
 
 std::vector<std::string> Convert(const py::object& source, const std::string& format,
                                  const Path& output, const std::string& from_format,
-                                 const ColourFiles& colour_cameras, const std::string& origin,
+                                 const ColourFiles& colour_cameras,
+                                 const std::optional<std::string>& origin,
                                  const std::optional<std::string>& up, const std::string& camera,
                                  const std::string& poses_for,
                                  const std::optional<std::string>& frame) {
@@ -110,9 +111,11 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
     const auto& calibrated = source.cast<const Calibrated&>();
     poses = PosesOf(calibrated);
     choice.floor_m = calibrated.structure.FloorHeight();
+    choice.world = calibrated.source.world;
   } else {
     poses = ReadPoses(PathOf(source), from, cameras);
     if (origin == "floor") choice.floor_m = ReadFloor(PathOf(source), from);
+    choice.world = ReadWorld(PathOf(source), from);
   }
   return Write(PathOf(output), to, std::move(poses), cameras, choice);
 }
@@ -158,7 +161,7 @@ void AddConvert(py::module_& module) {
   module.def(
       "convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"), py::kw_only(),
       py::arg("from_format") = "volalign", py::arg("colour_cameras") = ColourFiles(),
-      py::arg("origin") = "structure", py::arg("up") = py::none(), py::arg("camera") = "depth",
+      py::arg("origin") = py::none(), py::arg("up") = py::none(), py::arg("camera") = "depth",
       py::arg("poses_for") = "corrected", py::arg("frame") = py::none(),
       ("Writes poses as another program reads them (docs/conversion.md).\n\n"
        "source: a Result, or a file or folder of from_format. format: one of pose_formats "
@@ -166,7 +169,8 @@ void AddConvert(py::module_& module) {
        "and livescan3d_... " +
        colour +
        "origin: of the written poses: structure, floor (the point of the floor below the "
-       "structure's origin) or a sensor's name. up: y or z, the axis that is up; None: what "
+       "structure's origin), world (that of calibrate) or a sensor's name; None: world if there is "
+       "one, else structure. up: y or z, the axis that is up; None: what "
        "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
        "depth or colour, whose poses and intrinsics are written. poses_for: corrected or raw, "
        "the depths that the poses fit. frame: name of the world in ros, ros_launch and "

@@ -289,6 +289,22 @@ void AddResult(py::module_& module) {
                                                : std::optional(c.source.model_file);
           },
           "The file of the network that was used; None: geometry alone.")
+      .def(
+          "set_world",
+          [](Calibrated& c, const Path& path) {
+            c.source.world =
+                FindWorldFrame(ReadWorldObservation(PathOf(path)), c.result, c.structure);
+          },
+          py::arg("path"),
+          "Takes the frame of a file of `calibrate --world` (docs/world.md) for `save` and "
+          "`convert`. Raises ConfigError, DataError, IoError.")
+      .def_property_readonly(
+          "world_from_structure",
+          [](const Calibrated& c) {
+            return PoseOrNone(c.source.world ? std::optional(c.source.world->world_from_structure)
+                                             : std::nullopt);
+          },
+          "(4, 4) float64: where the structure stands in that frame, or None.")
       .def_property(
           "note", [](const Calibrated& c) { return c.source.note; },
           [](Calibrated& c, const std::string& note) { c.source.note = note; },

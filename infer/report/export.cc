@@ -55,6 +55,7 @@ struct StillFiles {
   std::string name;  // folder in each of the folders; empty for a single capture
   const std::vector<FrameResult>* sensors;
   const Structure* built;
+  const std::optional<WorldFrame>* world;
   Pose first_from_placement = Pose::Identity();
 
   std::filesystem::path Path(const std::filesystem::path& folder, const std::string& kind,
@@ -85,7 +86,7 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
                       EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
   written.cloud = CloudOf(still, sensor);
   if (sensor.structure_from_sensor) {
-    WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud);
+    WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud, *still.world);
   }
   if (points > 0) {
     written.thinned = ThinCloud(written.cloud, points);
@@ -114,12 +115,13 @@ std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const St
   }
   WriteFileAtomically(still.Path(folder, "pictures", "overview.png"),
                       EncodePalettePng(OverviewPicture(pictures, *still.built)));
-  WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged);
+  WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged, *still.world);
   return written;
 }
 
 ReportRig RigOf(const CalibrationResult& result, const std::vector<StillFiles>& files) {
-  ReportRig rig{FormatNotes(result),
+  const std::optional<WorldFrame>& world = *files.front().world;
+  ReportRig rig{(world ? WorldSentence(*world) + "\n" : "") + FormatNotes(result),
                 Advise(result),
                 PlacedFromAbove(result.sensors, *files.front().built),
                 {}};
@@ -155,12 +157,14 @@ void WriteReport(const std::filesystem::path& folder, const std::vector<StillFil
                       ReportPage(ReportPayload(extrinsics, stills, rig, run)));
 }
 
-std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure) {
+std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure,
+                                 const std::optional<WorldFrame>& world) {
   const auto built = [&](const Structure& of) { return of.boxes().empty() ? &structure : &of; };
-  if (result.stills.empty()) return {{"", &result.sensors, built(result.built)}};
+  if (result.stills.empty()) return {{"", &result.sensors, built(result.built), &world}};
   std::vector<StillFiles> stills;
   for (const StillResult& still : result.stills) {
-    stills.push_back({still.name, &still.sensors, built(still.built), still.first_from_placement});
+    stills.push_back(
+        {still.name, &still.sensors, built(still.built), &world, still.first_from_placement});
   }
   return stills;
 }
@@ -241,7 +245,7 @@ std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folde
 void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
                      const std::vector<Still>& stills, const Structure& structure,
                      const ExtrinsicsSource& source, const ReportRun& run) {
-  const std::vector<StillFiles> files = StillsOf(result, structure);
+  const std::vector<StillFiles> files = StillsOf(result, structure, source.world);
   const std::size_t points = ReportPointsAFrame(files);
   std::vector<ReportStill> shown;
   for (const StillFiles& still : files) {
@@ -262,7 +266,7 @@ void WriteReportPage(const std::filesystem::path& path, const CalibrationResult&
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
                       const std::vector<Still>& stills, const Structure& structure,
                       const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
-  const std::vector<StillFiles> files = StillsOf(result, structure);
+  const std::vector<StillFiles> files = StillsOf(result, structure, source.world);
   const std::size_t points = report ? ReportPointsAFrame(files) : 0;
   std::vector<std::vector<FrameFiles>> written;
   for (const StillFiles& still : files)

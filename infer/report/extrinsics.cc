@@ -46,6 +46,17 @@ void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   ar.Optional("serial", sensor.serial);
   ar.Optional("renderer", sensor.renderer);
   ar.Optional("colour", sensor.colour);
+  ar.Optional("world_from_sensor", sensor.world_from_sensor);
+  ar.IfFinite("world_covariance", sensor.world_covariance);
+}
+
+template <class Archive>
+void Describe(Archive& ar, WorldFrame& world) {
+  ar("name", world.name);
+  ar("world_from_structure", world.world_from_structure);
+  ar("covariance", world.covariance);
+  ar.Optional("rms_m", world.rms_m);
+  ar.Optional("carrier_from_structure", world.carrier_from_structure);
 }
 
 template <class Archive>
@@ -103,6 +114,7 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.OneOrList("capture", extrinsics.captures);
   ar("structure", extrinsics.structure);
   ar.Optional("model", extrinsics.model);
+  ar.Optional("world", extrinsics.world);
   ar("verdict", extrinsics.verdict);
   ar.Optional("findings", extrinsics.findings);
   ar.Optional("assembly", extrinsics.assembly);
@@ -211,6 +223,7 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.structure = {structure.name(), structure.Hash(), structure.FloorHeight()};
   if (!source.model_file.empty())
     out.model = Extrinsics::Model{source.model_file, source.model_sha256, source.model_runtime};
+  out.world = source.world;
   out.findings = result.findings;
   out.assembly = result.assembly;
   out.verdict = result.verdict();
@@ -229,8 +242,24 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   return out;
 }
 
+namespace {
+
+/// With each sensor's pose in the world.
+Extrinsics WithWorldPoses(Extrinsics extrinsics) {
+  if (!extrinsics.world) return extrinsics;
+  for (Extrinsics::Sensor& sensor : extrinsics.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    sensor.world_from_sensor =
+        extrinsics.world->world_from_structure * *sensor.structure_from_sensor;
+    sensor.world_covariance = CovarianceInWorld(*extrinsics.world, sensor.covariance);
+  }
+  return extrinsics;
+}
+
+}  // namespace
+
 nlohmann::ordered_json ExtrinsicsJson(const Extrinsics& extrinsics, const std::string& where) {
-  return DescribedJson(extrinsics, where);
+  return DescribedJson(WithWorldPoses(extrinsics), where);
 }
 
 namespace {
@@ -244,7 +273,7 @@ void RequirePlainNames(const Extrinsics& extrinsics, const std::filesystem::path
 
 void WriteExtrinsics(const std::filesystem::path& path, const Extrinsics& extrinsics) {
   RequirePlainNames(extrinsics, path);
-  WriteFileAtomically(path, WriteDescribed(extrinsics, path.string(), 2));
+  WriteFileAtomically(path, WriteDescribed(WithWorldPoses(extrinsics), path.string(), 2));
 }
 
 Extrinsics ReadExtrinsics(const std::filesystem::path& file_or_folder) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -14,6 +15,7 @@
 #include "infer/calib/result.h"
 #include "infer/checks/assembly.h"
 #include "infer/checks/outcome.h"
+#include "infer/report/world_frame.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {
@@ -27,6 +29,7 @@ struct ExtrinsicsSource {
   std::string model_file, model_sha256, model_runtime;  ///< empty without a network
   std::string date = UtcNow();                          ///< of the calibration
   std::string note;                                     ///< the operator's words
+  std::optional<WorldFrame> world = std::nullopt;
 };
 
 /// The content of extrinsics.json (docs/formats.md). Its keys are in extrinsics.cc and
@@ -44,6 +47,9 @@ struct Extrinsics {
     double depth_scale = 0.001;  ///< m per unit of the depth files
     std::string serial, renderer;
     std::optional<Colour> colour;
+    /// In Extrinsics::world, with its covariance; written from that and from the pose.
+    std::optional<Pose> world_from_sensor;
+    Matrix6d world_covariance = Matrix6d::Constant(std::numeric_limits<double>::quiet_NaN());
   };
 
   /// A box as found: displacement of its centre, m, and turn about the vertical through it.
@@ -91,6 +97,7 @@ struct Extrinsics {
   std::vector<std::string> captures;
   StructureId structure;
   std::optional<Model> model;
+  std::optional<WorldFrame> world;
   SensorStatus verdict = SensorStatus::kOk;
   std::vector<RigFinding> findings;        ///< CalibrationResult::findings
   std::optional<AssemblyReport> assembly;  ///< without its structure, which is not stored

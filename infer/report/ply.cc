@@ -60,21 +60,22 @@ std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structu
   return points;
 }
 
-void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points) {
+void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points,
+              const std::optional<WorldFrame>& world) {
   std::string bytes = fmt::format(
       "ply\nformat binary_little_endian 1.0\n"
-      "comment volalign: structure frame, metres, y up; residual: distance to the labelled side\n"
+      "comment volalign: {}, metres; residual: distance to the labelled side\n"
       "element vertex {}\n"
       "property float x\nproperty float y\nproperty float z\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\n"
       "property uchar label\nproperty float confidence\nproperty float residual\nend_header\n",
-      points.size());
+      world ? "frame of " + world->name : "structure frame, y up", points.size());
   constexpr std::size_t kBytesAPoint = 24;
   bytes.reserve(bytes.size() + kBytesAPoint * points.size());
   for (const AlignedPoint& point : points) {
-    Append(&bytes, point.p.x());
-    Append(&bytes, point.p.y());
-    Append(&bytes, point.p.z());
+    Eigen::Vector3f p = point.p;
+    if (world) p = (world->world_from_structure * p.cast<double>()).cast<float>();
+    for (int i = 0; i < 3; ++i) Append(&bytes, p[i]);
     Append(&bytes, point.colour.r);
     Append(&bytes, point.colour.g);
     Append(&bytes, point.colour.b);

@@ -4,11 +4,13 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/base/image.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/result.h"
+#include "infer/report/world_frame.h"
 
 namespace volalign {
 
@@ -29,8 +31,9 @@ struct AlignedPoint {
 std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure,
                                         double max_radius = 3.0);
 
-/// Writes binary little-endian PLY: x y z red green blue label confidence residual. Atomic. Throws
-/// IoError.
-void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points);
+/// Writes binary little-endian PLY: x y z red green blue label confidence residual, in the world if
+/// there is one. Atomic. Throws IoError.
+void WritePly(const std::filesystem::path& path, const std::vector<AlignedPoint>& points,
+              const std::optional<WorldFrame>& world = {});
 
 }  // namespace volalign

@@ -156,19 +156,43 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
   return colour;
 }
 
+/// The same for the world of --world. `fixed`: the axis that is up in the format.
+std::pair<Pose, FileFrame> GivenWorld(const WorldFrame& world, const std::string& fixed,
+                                      bool colour) {
+  constexpr double kAlong = 0.9;  // least cosine between an axis and the vertical
+  const Eigen::Vector3d up = world.world_from_structure.linear() * Eigen::Vector3d::UnitY();
+  Pose file_from_world = Pose::Identity();
+  if (fixed == "z" && up.y() > kAlong) file_from_world = ZUp();
+  if (fixed == "y" && up.z() > kAlong) file_from_world = ZUp().inverse();
+  const bool turned = !file_from_world.isApprox(Pose::Identity());
+  return {file_from_world * world.world_from_structure,
+          {turned ? fmt::format("frame of {}, turned so that {} is up", world.name, fixed)
+                  : "frame of " + world.name,
+           world.name, colour}};
+}
+
 /// p_world = T p_structure, and the file's description of the world.
 std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
                                    const WorldChoice& choice) {
   const std::string fixed(FormatOf(format).up);
+  std::string from = choice.origin;
+  if (from.empty()) from = choice.world ? "world" : "structure";
+  if (from == "world") {
+    if (!choice.world)
+      throw ConfigError("--origin world: the input has none; `calibrate --world` stores it");
+    if (!choice.up.empty())
+      throw ConfigError("--up: the world has its own axes; --origin structure has others");
+    return GivenWorld(*choice.world, fixed, choice.colour);
+  }
   if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
     throw ConfigError(
         fmt::format("--up {}: in files of {}, {} is up", choice.up, ToString(format), fixed));
   }
   const std::string up = fixed.empty() ? choice.up : fixed;
-  FileFrame frame{"", choice.origin, choice.colour};
+  FileFrame frame{"", from, choice.colour};
   Pose world = Pose::Identity();
   std::string origin;
-  if (choice.origin == "floor") {
+  if (from == "floor") {
     if (!choice.floor_m) {
       throw ConfigError(
           "--origin floor: the input does not say where the floor is; an extrinsics.json of this "
@@ -176,8 +200,8 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
     }
     world.translation().y() = -*choice.floor_m;
     origin = ", origin on the floor below the structure's";
-  } else if (choice.origin != "structure") {
-    const SensorPose& sensor = SensorNamed(poses, choice.origin);
+  } else if (from != "structure") {
+    const SensorPose& sensor = SensorNamed(poses, from);
     if (up.empty()) {
       frame.world = fmt::format("the camera of {}, x right, y down, z forward", sensor.name);
       return {sensor.structure_from_sensor.inverse(), frame};
@@ -327,6 +351,10 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
 
 std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format) {
   return format == PoseFormat::kVolalign ? ReadExtrinsics(path).structure.floor_m : std::nullopt;
+}
+
+std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, PoseFormat format) {
+  return format == PoseFormat::kVolalign ? ReadExtrinsics(path).world : std::nullopt;
 }
 
 std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,

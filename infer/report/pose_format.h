@@ -10,6 +10,7 @@
 
 #include "core/config/config_word.h"
 #include "infer/formats/poses/sensor_pose.h"
+#include "infer/report/world_frame.h"
 
 namespace volalign {
 
@@ -59,9 +60,9 @@ using ColourCameras = std::map<std::string, ColourCamera>;
 
 /// The world frame of a file's poses, and the camera that they belong to.
 struct WorldChoice {
-  /// "structure": the structure's own origin. "floor": the point of the floor below it. Else a
-  /// sensor's name.
-  std::string origin = "structure";
+  /// "structure": the structure's own origin. "floor": the point of the floor below it. "world":
+  /// `world`. Else a sensor's name. If empty, it is the world if there is one, else the structure.
+  std::string origin;
   /// The axis that is up: "y", or "z" by (x, y, z) -> (x, -z, y). If empty, it is the format's own
   /// axis: z for ros, ros_launch, urdf and volumetric_capture, else y. With a sensor as the origin
   /// and no axis, the camera's own axes are taken and its pose is the identity. Not so in formats
@@ -72,6 +73,9 @@ struct WorldChoice {
   bool raw = false;     ///< poses that fit depths without their correction best
   /// Height of the floor in the structure frame, m; "floor" needs it.
   std::optional<double> floor_m;
+  /// Its axes are taken as they are. A format with a fixed axis gets them turned if that is another
+  /// one.
+  std::optional<WorldFrame> world;
 };
 
 /// Parses a format's word. Throws ConfigError with all words for any other.
@@ -94,6 +98,9 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
 /// The floor's height in the structure frame, m; none if the file does not have it. Throws as
 /// ReadPoses.
 std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format);
+
+/// The world that `calibrate --world` stored, if any. Throws as ReadPoses.
+std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, PoseFormat format);
 
 /// Writes atomically, over existing files. Returns a sentence for everything that the format has no
 /// place for, and one on the depth corrections, each with its cost in millimetres. Throws IoError.

@@ -3,7 +3,7 @@
 
     tests/cli/tutorials.py VOLALIGN [TEST]     (VOLALIGN: the program)
 
-A page's commands are its indented lines that begin with the name of a program; a paragraph "`NAME.yaml`:" names the block that
+A page's commands are its indented lines that begin with the name of a program; a paragraph "`NAME.yaml`:" or "`NAME.json`:" names the block that
 follows it. They run in an empty folder, from the state in which the page has its reader. CUT is added to runs of training that would
 take hours, SHORTER makes other runs short and leaves out what the page puts into brackets; nothing else is changed. FAILS names the commands that do not end with status 0 here, NOT_RUN those that no test runs, and
 why: a command of any page that is neither run nor named there is an error.
@@ -52,7 +52,7 @@ NOT_RUN = [
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("add", "check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("add", "check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training", "world")]
 
 
 def all_pages():
@@ -83,7 +83,7 @@ def steps_of(text):
                 steps += [("run", re.sub(r"\s+", " ", re.sub(r"\s# .*", "", line)).strip()) for line in content if PROGRAMS.match(line)]
             name = None
         else:
-            named = re.fullmatch(r"`([\w.-]+\.yaml)`:", block.strip())
+            named = re.fullmatch(r"`([\w.-]+\.(?:yaml|json))`:", block.strip())
             name = named.group(1) if named else None
     return steps
 
@@ -255,6 +255,16 @@ class Tutorials(InAFolder):
         for name, sensor in self.expect_ok("out", 4).items():
             self.assertTrue(sensor["prior_used"], name)
             self.assertLess(math.dist(*([row[3] for row in pose[:3]] for pose in (sensor["structure_from_sensor"], sensor["prior"]))), 0.005)
+
+    def test_world(self):
+        rendered, calibrated, _ = self.run_page("docs/world.md").values()
+        self.assertIn("the structure stands at +1.50", calibrated)
+        self.expect_files("rig.launch.py")
+        base = [[1, 0, 0, 1.5], [0, 0, -1, 0.2], [0, 1, 0, 0.81], [0, 0, 0, 1]]
+        for name, sensor in self.expect_ok("out", 4).items():
+            x, y, z = (row[3] for row in sensor["structure_from_sensor"][:3])
+            expected = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in base[:3]]
+            self.assertLess(math.dist([row[3] for row in sensor["world_from_sensor"][:3]], expected), 0.01, name)
 
     def test_deployment(self):
         self.run_page("docs/deployment.md")

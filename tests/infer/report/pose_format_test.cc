@@ -282,6 +282,39 @@ TEST_F(PosesTest, SomeFormatsAreOnlyWritten) {
   }
 }
 
+// A robot's base with z up, and a room with y up, in formats of both.
+TEST_F(PosesTest, TheWorldOfTheUser) {
+  const Eigen::Vector3d p(0.1, 0.2, 2);
+  WorldFrame given;
+  given.name = "robot base";
+  for (const bool z_up : {true, false}) {
+    given.world_from_structure.linear() = RotationExp(Eigen::Vector3d(z_up ? M_PI / 2 : 0, 0, 0)) *
+                                          RotationExp(Eigen::Vector3d(0, 0.3, 0));
+    given.world_from_structure.translation() = Eigen::Vector3d(1, -2, 3);
+    WorldChoice choice;
+    choice.world = given;
+    const Eigen::Vector3d expected =
+        given.world_from_structure * (poses_[1].structure_from_sensor * p);
+    for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kRos, PoseFormat::kUnity}) {
+      const std::vector<SensorPose> back = ReadPoses(Written(format, choice), format);
+      Eigen::Vector3d q = back[1].structure_from_sensor * p;
+      // Files with z up are read with y up; of the given frame, others have its own axes.
+      if (z_up && format != PoseFormat::kPoses) q = {q.x(), -q.z(), q.y()};
+      EXPECT_LT((q - expected).norm(), 1e-9) << ToString(format) << z_up;
+    }
+    EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "frame_id: \"robot base\"",
+                    z_up ? "frame of robot base (REP 103)" : "turned so that z is up"));
+    choice.origin = "structure";
+    EXPECT_FALSE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "robot base"));
+  }
+  WorldChoice choice;
+  choice.origin = "world";
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, choice); }, {"calibrate --world"});
+  choice.world = given;
+  choice.up = "z";
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, choice); }, {"--up"});
+}
+
 TEST_F(PosesTest, OriginsThatAreNotKnown) {
   ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, World("floor")); }, {"--origin floor"});
   ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, World("S9")); },
