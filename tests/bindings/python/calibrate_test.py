@@ -24,6 +24,24 @@ def assert_same(a, b):
         np.testing.assert_array_equal(pose, poses_of(b)[name])
 
 
+def test_a_world_of_ones_own(capture, tmp_path):
+    own = volalign.calibrate(capture, model=None)
+    assert own.world_from_structure is None
+    base = np.array([[1, 0, 0, 2], [0, 0, -1, 3], [0, 1, 0, 4], [0, 0, 0, 1]], float)
+    (tmp_path / "world.json").write_text(json.dumps({"format": "volalign.world/1", "name": "base", "sigma_m": 0.001, "sigma_deg": 0.1, "world_from_structure": base.tolist()}))
+    own.set_world(tmp_path / "world.json")
+    np.testing.assert_allclose(own.world_from_structure, base)
+    for name, pose in poses_of(own).items():
+        volalign.convert(own, "poses", tmp_path / "world_poses.json")
+        np.testing.assert_allclose(volalign.read_poses(tmp_path / "world_poses.json", "poses")[name].structure_from_sensor, base @ pose, atol=1e-9)
+    volalign.convert(own, "poses", tmp_path / "poses.json", origin="structure")
+    np.testing.assert_allclose(volalign.read_poses(tmp_path / "poses.json", "poses")[name].structure_from_sensor, pose, atol=1e-9)
+    own.save(tmp_path / "out", report=False)
+    saved = json.loads((tmp_path / "out" / "extrinsics.json").read_text())
+    np.testing.assert_allclose(saved["sensors"][name]["world_from_sensor"], base @ pose, atol=1e-9)
+    assert "frame of base" in (tmp_path / "out" / "clouds" / "merged.ply").read_bytes()[:200].decode("ascii", "ignore")
+
+
 def test_places_sensors(result):
     assert (result.verdict, result.placed, list(result.sensors)) == ("ok", 3, NAMES)
     for name, sensor in result.sensors.items():
