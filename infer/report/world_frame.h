@@ -19,7 +19,7 @@ struct WorldFrame {
   Matrix6d covariance = Matrix6d::Zero();
   /// Root mean square, m, of what the fit leaves of the points or of the carrier's positions.
   std::optional<double> rms_m;
-  /// Where the structure is held: its pose in the frame of the robot's link that carries it.
+  /// The structure's pose in the frame of the robot's link that carries it.
   std::optional<Pose> carrier_from_structure;
 };
 
@@ -30,7 +30,7 @@ struct TouchedPoint {
   Eigen::Vector3d xyz_m = Eigen::Vector3d::Zero();
 };
 
-/// What a file of --world says (docs/formats.md). One of the three is given.
+/// The content of a file of --world (docs/world.md). One of the three is given.
 struct WorldObservation {
   std::string name;
   std::optional<Pose> world_from_structure;

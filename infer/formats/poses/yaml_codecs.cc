@@ -229,7 +229,7 @@ std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
   std::string text = fmt::format(
       "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres; sensors: x right, y down, z "
       "forward. "
-      "To place the\nsensors in a robot's description, copy the links and joints of the sensors. "
+      "-->\n<!-- Copy the sensors' links and joints into a robot's description. "
       "-->\n<robot name=\"volalign\">\n  <link name={}/>\n",
       XmlText(frame.name), frame.world, parent);
   for (const SensorPose& pose : poses) {
