@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "core/base/error.h"
 #include "core/base/text.h"
@@ -213,12 +214,15 @@ std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame) {
     const Eigen::Quaterniond q = QuaternionOf(pose.linear());
     text += fmt::format(
         "        Node(package=\"tf2_ros\", executable=\"static_transform_publisher\", "
-        "name=\"volalign_tf_{}\", arguments=[\n"
-        "            \"--x\", \"{}\", \"--y\", \"{}\", \"--z\", \"{}\",\n"
-        "            \"--qx\", \"{}\", \"--qy\", \"{}\", \"--qz\", \"{}\", \"--qw\", \"{}\",\n"
-        "            \"--frame-id\", {}, \"--child-frame-id\", {}]),\n",
-        i, Real(t.x()), Real(t.y()), Real(t.z()), Real(q.x()), Real(q.y()), Real(q.z()),
-        Real(q.w()), Quoted(frame.name), Quoted(poses[i].name + optical));
+        "name=\"volalign_tf_{}\",\n             arguments=[",
+        i);
+    const std::pair<const char*, double> numbers[] = {{"x", t.x()},  {"y", t.y()},  {"z", t.z()},
+                                                      {"qx", q.x()}, {"qy", q.y()}, {"qz", q.z()},
+                                                      {"qw", q.w()}};
+    for (const auto& [key, value] : numbers)
+      text += fmt::format("\"--{}\", \"{}\", ", key, Real(value));
+    text += fmt::format("\"--frame-id\", {}, \"--child-frame-id\", {}]),\n", Quoted(frame.name),
+                        Quoted(poses[i].name + optical));
   }
   return text + "    ])\n";
 }
@@ -227,9 +231,8 @@ std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
   const char* optical = frame.colour ? kColourFrame : kDepthFrame;
   const std::string parent = XmlQuoted(frame.name);
   std::string text = fmt::format(
-      "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres; sensors: x right, y down, z "
+      "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres. Sensors: x right, y down, z "
       "forward. "
-      "-->\n<!-- Copy the sensors' links and joints into a robot's description. "
       "-->\n<robot name=\"volalign\">\n  <link name={}/>\n",
       XmlText(frame.name), frame.world, parent);
   for (const SensorPose& pose : poses) {
