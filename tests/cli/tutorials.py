@@ -264,7 +264,7 @@ class Tutorials(InAFolder):
         for name, sensor in self.expect_ok("out", 4).items():
             x, y, z = (row[3] for row in sensor["structure_from_sensor"][:3])
             expected = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in base[:3]]
-            self.assertLess(math.dist([row[3] for row in sensor["world_from_sensor"][:3]], expected), 0.01, name)
+            self.assertLess(math.dist([row[3] for row in sensor["world_from_sensor"][:3]], expected), 0.03, name)
 
     def test_deployment(self):
         self.run_page("docs/deployment.md")
