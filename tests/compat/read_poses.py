@@ -8,7 +8,10 @@ Needs `open3d` and `pycolmap` of PyPI.
 
 import json
 import os
+import runpy
 import sys
+import types
+import xml.etree.ElementTree
 
 import numpy as np
 import open3d
@@ -78,6 +81,31 @@ class Poses(InAFolder):
             # The upper left pixel's centre is at (.5, .5) in COLMAP.
             theirs = image.project_point(world)
             assert np.allclose(theirs, project(sensor, world) + 0.5, atol=1e-6), (image.name, theirs)
+
+    def test_numpy_and_ros_read_theirs(self):
+        sensors = some_poses()
+        for i, sensor in enumerate(sensors):
+            sensor.update(depth_gain=1 + 0.01 * i, depth_offset_m=-0.004 * i)
+        self.write("poses.json", json.dumps({"format": "volalign.poses/1", "convention": "", "sensors": sensors}))
+        folder = self.convert("depth_correction", "corrections")
+        for sensor in sensors:
+            x, y, gain, offset = np.moveaxis(np.load(os.path.join(folder, sensor["name"] + ".npy")), 2, 0)
+            assert x.shape == (288, 320) and x.dtype == np.float32
+            for u, v, measured in ((160, 144, 1.9), (40, 200, 2.5)):
+                z = gain[v, u] * measured + offset[v, u]
+                assert abs(z - (sensor["depth_gain"] * measured + sensor["depth_offset_m"])) < 1e-6
+                world = sensor["structure_from_sensor"] @ np.array([x[v, u] * z, y[v, u] * z, z, 1])
+                assert np.allclose(project(sensor, world[:3]), [u, v], atol=1e-3), sensor["name"]
+
+        started = []
+        launch, actions = types.ModuleType("launch"), types.ModuleType("launch_ros.actions")
+        launch.LaunchDescription, actions.Node = list, lambda **node: started.append(node)
+        sys.modules.update({"launch": launch, "launch_ros": types.ModuleType("launch_ros"), "launch_ros.actions": actions})
+        runpy.run_path(self.convert("ros_launch", "rig.launch.py"))["generate_launch_description"]()
+        frames = [dict(zip(node["arguments"][::2], node["arguments"][1::2]))["--child-frame-id"] for node in started]
+        assert frames == [sensor["name"] + "_depth_optical_frame" for sensor in sensors]
+        joints = xml.etree.ElementTree.parse(self.convert("urdf", "rig.urdf")).getroot().findall("joint")
+        assert [joint.find("child").get("link") for joint in joints] == frames
 
 
 if __name__ == "__main__":
