@@ -19,7 +19,7 @@ namespace {
 /// may have one per sample. 64 of 320x288 take 47 MB.
 constexpr std::size_t kMostCameras = 64;
 
-/// As in the rounding of depth to millimetres (render/noise_kernels.inc) and the multiplication in
+/// As in the rounding of depth to millimetres (render/noise.cc) and the multiplication in
 /// Unpack.
 constexpr float kMillimetre = 0.001F;
 
