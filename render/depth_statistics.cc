@@ -110,6 +110,17 @@ struct FlatWindow {
   double correlation;  // of neighbouring residuals along rows
 };
 
+using Region = std::vector<std::pair<int, int>>;
+
+/// The plane through a region's pixels; its origin is for the numbers' sake.
+InversePlane FitRegion(const DepthImage& depth, const StraightPlaces& places, const Region& region,
+                       std::pair<int, int> origin) {
+  PlaneFit fit;
+  fit.SetOrigin(places(origin.first, origin.second));
+  for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
+  return fit.Solve();
+}
+
 /// Nothing if a pixel has no depth.
 std::optional<FlatWindow> FitWindow(const DepthImage& depth, const StraightPlaces& places, int u,
                                     int v) {
@@ -148,10 +159,9 @@ double PlaneTolerance(bool stereo, double z) {
 }
 
 /// Pixels of the plane of `seed` that no other plane has taken.
-std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const StraightPlaces& places,
-                                           bool stereo, const Image<std::uint8_t>& taken,
-                                           const FlatWindow& seed) {
-  std::vector<std::pair<int, int>> region;
+Region GrowPlane(const DepthImage& depth, const StraightPlaces& places, bool stereo,
+                 const Image<std::uint8_t>& taken, const FlatWindow& seed) {
+  Region region;
   InversePlane plane = seed.plane;
   std::size_t before = 0;
   for (int growth = 0; growth < kPlaneGrowths; ++growth) {
@@ -172,10 +182,7 @@ std::vector<std::pair<int, int>> GrowPlane(const DepthImage& depth, const Straig
       }
     }
     if (region.size() < kLeastRegion) break;
-    PlaneFit fit;
-    fit.SetOrigin(places(seed.u, seed.v));
-    for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
-    plane = fit.Solve();
+    plane = FitRegion(depth, places, region, {seed.u, seed.v});
     if (growth > 3 && region.size() <= before + before / 50) break;
     before = region.size();
   }
@@ -204,12 +211,9 @@ double QuantileOrNone(std::vector<double> values, double q) {
 
 /// RMS residual of a region's pixels, and of its 7x7 means, to the plane fitted to them.
 DepthStatistics::Plane Residuals(const DepthImage& depth, const StraightPlaces& places,
-                                 const std::vector<std::pair<int, int>>& region) {
+                                 const Region& region) {
   const int width = depth.width(), height = depth.height();
-  PlaneFit fit;
-  fit.SetOrigin(places(region.front().first, region.front().second));
-  for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
-  const InversePlane plane = fit.Solve();
+  const InversePlane plane = FitRegion(depth, places, region, region.front());
   Image<float> residual(width, height);
   Image<std::uint8_t> inside(width, height);
   std::vector<double> depths;
@@ -355,8 +359,7 @@ void DepthStatistics::AddSurfaces(const DepthImage& measured, const Intrinsics& 
   const auto least = static_cast<std::size_t>(kPlaneShare * static_cast<double>(depth.size()));
   for (const FlatWindow& seed : seeds) {
     if (taken(seed.u, seed.v)) continue;
-    const std::vector<std::pair<int, int>> region =
-        GrowPlane(depth, places, options_.stereo, taken, seed);
+    const Region region = GrowPlane(depth, places, options_.stereo, taken, seed);
     for (const auto& [u, v] : region) taken(u, v) = 1;
     if (region.size() >= least) planes_.push_back(Residuals(depth, places, region));
   }
@@ -371,7 +374,7 @@ void DepthStatistics::AddSides(const DepthImage& measured, const LabelImage& lab
   }
   const StraightPlaces places(intrinsics);
   const DepthImage depth = places.Clean(measured);
-  std::array<std::vector<std::pair<int, int>>, 256> regions;
+  std::array<Region, 256> regions;
   for (int v = 1; v + 1 < depth.height(); ++v) {
     for (int u = 1; u + 1 < depth.width(); ++u) {
       const std::uint8_t label = labels(u, v);
@@ -383,12 +386,9 @@ void DepthStatistics::AddSides(const DepthImage& measured, const LabelImage& lab
     }
   }
   const auto least = static_cast<std::size_t>(kSideShare * static_cast<double>(depth.size()));
-  for (std::vector<std::pair<int, int>>& region : regions) {
+  for (Region& region : regions) {
     for (int pass = 0; pass < kSidePasses && region.size() > least; ++pass) {
-      PlaneFit fit;
-      fit.SetOrigin(places(region.front().first, region.front().second));
-      for (const auto& [u, v] : region) fit.Add(places(u, v), depth(u, v));
-      const InversePlane plane = fit.Solve();
+      const InversePlane plane = FitRegion(depth, places, region, region.front());
       region.erase(std::remove_if(region.begin(), region.end(),
                                   [&](const std::pair<int, int>& p) {
                                     return std::abs(depth(p.first, p.second) -

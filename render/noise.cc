@@ -98,9 +98,29 @@ std::string SensorModelNames() {
   return names;
 }
 
+VOLALIGN_CLONES void FindFaceEdges(const std::uint16_t* faces, const std::uint16_t* below,
+                                   int count, std::uint8_t* __restrict edges) {
+  for (int u = 0; u + 1 < count; ++u) {
+    edges[u] = static_cast<std::uint8_t>((faces[u] != faces[u + 1]) | (faces[u] != below[u]) << 1);
+  }
+  edges[count - 1] = static_cast<std::uint8_t>((faces[count - 1] != below[count - 1]) << 1);
+}
+
+namespace {
+
+VOLALIGN_CLONES void Round(const std::uint8_t* __restrict keep, std::size_t count,
+                           float* __restrict depth, std::uint8_t* __restrict labels) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool kept = (keep[i] != 0) & !(depth[i] <= 0);
+    depth[i] = kept ? std::nearbyint(depth[i] * 1000) * 0.001F : 0.0F;
+    labels[i] = kept ? labels[i] : std::uint8_t{0};
+  }
+}
+
+}  // namespace
+
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view) {
-  noise::Kernels().round(keep.data(), static_cast<int>(keep.size()), view->depth.data(),
-                         view->labels.data());
+  Round(keep.data(), keep.size(), view->depth.data(), view->labels.data());
 }
 
 namespace {

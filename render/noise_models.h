@@ -7,7 +7,6 @@
 #include "core/base/noise_fields.h"
 #include "core/base/random.h"
 #include "render/noise.h"
-#include "render/noise_kernels.h"
 
 namespace volalign {
 
@@ -58,6 +57,10 @@ void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
   }
 }
 
+/// edges[u], bit 0: the face right of u differs; bit 1: the face below (`below`) differs.
+void FindFaceEdges(const std::uint16_t* faces, const std::uint16_t* below, int count,
+                   std::uint8_t* edges);
+
 /// ForEachNeighbourPair without pairs of one face.
 template <class Visit>
 void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
@@ -65,7 +68,7 @@ void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
   std::vector<std::uint8_t> edges(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < height; ++v) {
     const std::uint16_t* const row = &faces(0, v);
-    noise::Kernels().face_edges(row, v + 1 < height ? row + width : row, width, edges.data());
+    FindFaceEdges(row, v + 1 < height ? row + width : row, width, edges.data());
     ForEachSet(edges, width, [&](int u) {
       const std::uint8_t edge = edges[static_cast<std::size_t>(u)];
       const std::uint64_t pair =

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "core/base/noise_fields.h"
@@ -40,6 +41,27 @@ struct MatchedView {
   Image16 faces;  // as RenderedView's
 };
 
+/// For row v: `source[u]` is the index of the pixel that the window takes for u. It is offset by
+/// `reach` (du, dv) and a dither in [0, 1) minus one half. `nearer[u]`: that pixel has depth, and u
+/// has none or a depth that is larger by more than kForegroundStep.
+VOLALIGN_CLONES void TakeForeground(const float* __restrict depth, int width, int height, int v,
+                                    const float* __restrict du, const float* __restrict dv,
+                                    const float* __restrict dither, float reach,
+                                    std::int32_t* __restrict source,
+                                    std::uint8_t* __restrict nearer) {
+  for (int u = 0; u < width; ++u) {
+    const float moved = dither[u] - 0.5F;
+    const int p = u + static_cast<int>(std::nearbyint(reach * du[u] + moved));
+    const int q = v + static_cast<int>(std::nearbyint(reach * dv[u] + moved));
+    source[u] = std::min(std::max(q, 0), height - 1) * width + std::min(std::max(p, 0), width - 1);
+  }
+  const float* const row = depth + static_cast<std::ptrdiff_t>(v) * width;
+  for (int u = 0; u < width; ++u) {
+    const float here = row[u], there = depth[source[u]];
+    nearer[u] = (there > 0) & ((here == 0) | (there < here - kForegroundStep));
+  }
+}
+
 /// Grows the foreground by about a pixel, with a wavy outline. Labels follow the surface that gives
 /// the depth. Draws the device's outlines if `known` is false.
 MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStream& random,
@@ -58,10 +80,9 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
   std::vector<std::uint8_t> nearer(columns + 7);
   for (int v = 0; v < height; ++v) {
     const std::size_t first = static_cast<std::size_t>(v) * columns;
-    BestFieldLoops().uniform(pixel.key(), first, width, dither.data());
-    noise::Kernels().fatten(view.depth.data(), width, height, v, &du[first], &dv[first],
-                            dither.data(), static_cast<float>(scale), kForegroundStep,
-                            source.data(), nearer.data());
+    pixel.Uniforms(first, width, dither.data());
+    TakeForeground(view.depth.data(), width, height, v, &du[first], &dv[first], dither.data(),
+                   static_cast<float>(scale), source.data(), nearer.data());
     ForEachSet(nearer, width, [&](int u) {
       const std::size_t i = first + static_cast<std::size_t>(u);
       const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(u)]);
@@ -114,7 +135,7 @@ Image<float> DisparityError(const StereoModel& model, int width, int height, dou
   const Image<float>& warp = device->warp;
   const PixelRandom pixel(random);
   Image<float> error(width, height);
-  BestFieldLoops().normal(pixel.key(), 0, static_cast<int>(error.size()), error.data());
+  pixel.Normals(0, static_cast<int>(error.size()), error.data());
   SmoothUnitNoise(kLocalSigmaU * scale, kLocalSigmaV * scale, &error);
   for (std::size_t i = 0; i < error.size(); ++i) {
     error[i] = static_cast<float>(device->local_sigma) * error[i] +
@@ -168,6 +189,71 @@ class MatchConfidence {
   float quality_, structure_quality_;
 };
 
+/// A row of pixels. Faces, rays and the three numbers of a face are [count], rays as pairs (x, y).
+struct MatchRow {
+  int count;
+  const std::uint16_t* faces;
+  const float *rays, *height, *confidence, *distance_loss;  ///< the last three: see FaceInfo
+  const float *coarse, *fine, *disparity_error;
+  float image_fb, native_fb;  ///< focal length times baseline, px m: of this image, of the model's
+  float largest_disparity;    ///< px of this image
+  float margin;               ///< px
+};
+
+/// Adds the disparity's error to `depth`, and clears `keep` if no match is found. `scratch` has 3
+/// `count` numbers.
+VOLALIGN_CLONES void MatchOf(const MatchRow& row, float* __restrict depth,
+                             std::uint8_t* __restrict keep, float* __restrict scratch) {
+  constexpr float kInfinite = std::numeric_limits<float>::infinity();
+  const int count = row.count;
+  float* __restrict column = scratch;
+  float* __restrict covered = scratch + count;
+  float* __restrict seen = scratch + 2 * count;  // 1 if a match is found, apart from occlusion
+  const std::uint16_t* __restrict faces = row.faces;
+  const float* __restrict rays = row.rays, * __restrict height = row.height;
+  const float* __restrict of_face = row.confidence, * __restrict loss = row.distance_loss;
+  const float* __restrict coarse = row.coarse, * __restrict fine = row.fine;
+  const float* __restrict disparity_error = row.disparity_error;
+  const float image_fb = row.image_fb, native_fb = row.native_fb, largest = row.largest_disparity;
+  for (int u = 0; u < count; ++u) {
+    const float z = depth[u];
+    const float x = rays[2 * u], y = rays[2 * u + 1];
+    const float disparity = image_fb / z;
+    const bool valid = (faces[u] != 0) & (z > 0);
+    const float at = static_cast<float>(u) - disparity;
+    column[u] = valid ? at : kInfinite;
+    const float cosine = std::min(height[u] / (z * std::sqrt(x * x + y * y + 1)), 1.0F);
+    const float far = std::max(z - kFullQualityDistance, 0.0F);
+    const float confidence = of_face[u] - loss[u] * far -
+                             kGrazingLoss * std::max(kGrazingCosine - cosine, 0.0F) -
+                             kSteepLoss * std::max(kSteepCosine - cosine, 0.0F) +
+                             kCoarseWeight * coarse[u] + kFineWeight * fine[u];
+    const bool lost = (at < 0) | (confidence < 0) | (disparity > largest);
+    const float measured =
+        native_fb / std::max(native_fb / z + disparity_error[u], kLeastDisparity);
+    seen[u] = (valid & !lost) ? 1.0F : 0.0F;
+    depth[u] = (valid & !lost) ? measured : z;
+  }
+  // Column of the right image that a surface further right covers already: only the left camera
+  // sees surfaces behind it. Within eight pixels first, so that the processor works on several
+  // groups at once.
+  float beyond = 1e9F;
+  for (int end = count; end > 0;) {
+    const int begin = std::max(end - 8, 0);
+    float within = kInfinite;
+    for (int u = end - 1; u >= begin; --u) {
+      covered[u] = std::min(within, beyond);
+      within = std::min(within, column[u]);
+    }
+    beyond = std::min(beyond, within);
+    end = begin;
+  }
+  for (int u = 0; u < count; ++u) {
+    const bool found = (seen[u] > 0) & !(column[u] > covered[u] + row.margin);
+    keep[u] = found ? keep[u] : std::uint8_t{0};
+  }
+}
+
 /// Matches each pixel of the left image with the right one. Adds the disparity's error to the depth
 /// and clears `keep` of pixels without a match.
 void Match(const StereoModel& model, const NoiseInput& input, double scale,
@@ -176,12 +262,9 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
   DepthImage& depth = matched->view.depth;
   const int width = depth.width(), height = depth.height();
   const std::vector<FaceInfo> infos = confidence.OfFaces(input);
-  constexpr noise::MatchFigures kFigures = {kFullQualityDistance, kGrazingLoss,   kGrazingCosine,
-                                            kSteepLoss,           kSteepCosine,   kCoarseWeight,
-                                            kFineWeight,          kLeastDisparity};
   const auto columns = static_cast<std::size_t>(width);
   std::vector<float> of_faces(3 * columns), scratch(3 * columns);
-  noise::MatchRow row{};
+  MatchRow row{};
   row.count = width;
   row.height = of_faces.data();
   row.confidence = of_faces.data() + columns;
@@ -206,7 +289,7 @@ void Match(const StereoModel& model, const NoiseInput& input, double scale,
       std::fill_n(to + columns, end - begin, info.confidence);
       std::fill_n(to + 2 * columns, end - begin, info.distance_loss);
     });
-    noise::Kernels().match(row, kFigures, &depth[first], &(*keep)[first], scratch.data());
+    MatchOf(row, &depth[first], &(*keep)[first], scratch.data());
   }
 }
 

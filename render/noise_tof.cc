@@ -57,26 +57,15 @@ struct TofFace {
   std::uint64_t seam_boxes = 0;  // bit b: box b rises in front of this face, a concave seam
 };
 
-using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
-
 /// A box of the structure in its own frame, to find the concave seams near a point.
 struct SeamBox {
-  Eigen::Matrix3f box_from_structure;
-  Eigen::Vector3f centre;
-  Eigen::Vector3f half;
-  float reach_squared;  // of the sphere around it that contains all points within kMultipathReach
+  Eigen::Matrix<float, 3, 3, Eigen::RowMajor> rotation;  ///< box_from_structure
+  Eigen::Vector3f centre;                                ///< in the structure's frame, m
+  Eigen::Vector3f half;                                  ///< half its size, m
 
   /// Extent of the box along n from the origin, m.
   float Support(const Eigen::Vector3f& n) const {
-    return n.dot(centre) + (box_from_structure * n).cwiseAbs().dot(half);
-  }
-  noise::SeamBox ForKernels() const {
-    noise::SeamBox box{};
-    Eigen::Map<RowMajor3f>(box.rotation) = box_from_structure;
-    Eigen::Map<Eigen::Vector3f>(box.centre) = centre;
-    Eigen::Map<Eigen::Vector3f>(box.half) = half;
-    box.reach_squared = reach_squared;
-    return box;
+    return n.dot(centre) + (rotation * n).cwiseAbs().dot(half);
   }
 };
 
@@ -99,10 +88,9 @@ std::vector<SeamBox> SeamBoxes(const NoiseInput& input) {
                                    [](const SceneObject& o) { return o.is_structure; });
   if (!present) return boxes;
   for (const Box& box : input.structure.boxes()) {
-    const Eigen::Vector3f half = (0.5 * box.size).cast<float>();
-    const float reach = half.norm() + kMultipathReach;
     boxes.push_back({box.structure_from_box.linear().transpose().cast<float>(),
-                     box.structure_from_box.translation().cast<float>(), half, reach * reach});
+                     box.structure_from_box.translation().cast<float>(),
+                     (0.5 * box.size).cast<float>()});
   }
   return boxes;
 }
@@ -162,6 +150,26 @@ void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, N
   });
 }
 
+VOLALIGN_INLINE bool IsMixed(float a, float m, float b) {
+  const float jump = b - a;
+  const float share = (m - a) / jump;
+  return !((std::abs(jump) < kMixedJump) | (a <= 0) | (b <= 0)) & (share > kMixedLow) &
+         (share < kMixedHigh);
+}
+
+/// mixed[u]: whether `here` lies between both neighbours of its row or its column, if these differ
+/// by at least kMixedJump. `above` and `below` may be null.
+VOLALIGN_CLONES void FindMixed(const float* __restrict above, const float* __restrict here,
+                               const float* __restrict below, int count,
+                               std::uint8_t* __restrict mixed) {
+  mixed[0] = mixed[count - 1] = 0;
+  for (int u = 1; u + 1 < count; ++u) mixed[u] = IsMixed(here[u - 1], here[u], here[u + 1]);
+  if (above == nullptr || below == nullptr) return;
+  for (int u = 0; u < count; ++u) {
+    mixed[u] |= static_cast<std::uint8_t>(IsMixed(above[u], here[u], below[u]));
+  }
+}
+
 /// The vendor removes most pixels that mix two surfaces: those at mid-depth between neighbours.
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
   const PixelRandom pixel(random);
@@ -169,9 +177,8 @@ void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::u
   std::vector<std::uint8_t> mixed(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < depth.height(); ++v) {
     const float* const row = &depth(0, v);
-    noise::Kernels().mixed(v > 0 ? row - width : nullptr, row,
-                           v + 1 < depth.height() ? row + width : nullptr, width, kMixedJump,
-                           kMixedLow, kMixedHigh, mixed.data());
+    FindMixed(v > 0 ? row - width : nullptr, row, v + 1 < depth.height() ? row + width : nullptr,
+              width, mixed.data());
     ForEachSet(mixed, width, [&](int u) {
       const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
                      static_cast<std::uint64_t>(u);
@@ -205,9 +212,103 @@ FrameNoise DrawFrameNoise(int width, int height, double scale, RandomStream& ran
   frame.patch_limit = static_cast<float>(Draw(kPatchLimit, random));
   const PixelRandom pixel(random);
   frame.grain = Image<float>(width, height);
-  BestFieldLoops().normal(pixel.key(), 0, static_cast<int>(frame.grain.size()), frame.grain.data());
+  pixel.Normals(0, static_cast<int>(frame.grain.size()), frame.grain.data());
   SmoothUnitNoise(kGrainSigma * scale, kGrainSigma * scale, &frame.grain);
   return frame;
+}
+
+/// A row of pixels. Faces, rays and the three numbers of a face are [count], rays as pairs (x, y).
+struct TofRow {
+  int count;
+  const std::uint16_t* faces;
+  const float *depth, *rays;  ///< depth of the clean view
+  const float *height, *reflectivity, *patch_limit;
+  const float *warp, *grain, *patches;
+  float bias, warp_rms, white, threshold;
+};
+
+/// error[u] of depth, m, without that of seams. Clears `keep` if too little light returns.
+VOLALIGN_CLONES void MeasureRow(const TofRow& row, float* __restrict error,
+                                std::uint8_t* __restrict keep) {
+  const float* __restrict rays = row.rays;
+  for (int u = 0; u < row.count; ++u) {
+    const float z = row.depth[u];
+    const float x = rays[2 * u], y = rays[2 * u + 1];
+    const float range = z * std::sqrt(x * x + y * y + 1);
+    const float cosine = std::max(row.height[u] / range, 0.01F);
+    const float inverse = 1 / std::max(cosine, kLeastNoiseCosine);
+    const float grazing = inverse * (0.7F + 0.3F * std::sqrt(inverse));
+    error[u] = row.bias + row.warp_rms * row.warp[u] +
+               row.white * (kWhiteNoise + kWhiteNoiseSlope * z) * grazing * row.grain[u];
+    const float amplitude = row.reflectivity[u] * cosine / (range * range);
+    const float wave = 1 + kPatchWave * row.patches[u];
+    const bool lost = (row.faces[u] == 0) |
+                      (amplitude < row.threshold * wave * wave * wave * wave) |
+                      (row.patches[u] > row.patch_limit[u]) | (z > kFarthest);
+    keep[u] = lost ? std::uint8_t{0} : keep[u];
+  }
+}
+
+/// Adjacent pixels of one face, in front of which boxes rise.
+struct SeamRow {
+  int count;
+  const float *depth, *rays;
+  Eigen::Matrix<float, 3, 3, Eigen::RowMajor> rotation;  ///< structure_from_sensor
+  Eigen::Vector3f eye;                                   ///< in the structure's frame, m
+  const std::vector<SeamBox>& boxes;
+  std::uint64_t rising;  ///< bit b: box b rises before the face
+  bool meets_floor;
+  float floor;            ///< its height, m
+  float multipath, fill;  ///< m: errors at a seam
+};
+
+/// Sums in Eigen's order.
+VOLALIGN_INLINE float Dot(float ax, float ay, float az, float bx, float by, float bz) {
+  return ax * bx + (ay * by + az * bz);
+}
+
+/// Adds the nearest seam's effect to error[u]. `scratch` has 4 `count` numbers.
+VOLALIGN_CLONES void AddSeams(const SeamRow& row, float* __restrict error,
+                              float* __restrict scratch) {
+  const int count = row.count;
+  float* __restrict px = scratch;
+  float* __restrict py = scratch + count;
+  float* __restrict pz = scratch + 2 * count;
+  float* __restrict nearest = scratch + 3 * count;
+  const float* __restrict depth = row.depth, * __restrict rays = row.rays;
+  const float* const r = row.rotation.data();
+  const float* const eye = row.eye.data();
+  const float eye_x = eye[0], eye_y = eye[1], eye_z = eye[2];
+  for (int u = 0; u < count; ++u) {
+    const float x = rays[2 * u], y = rays[2 * u + 1], z = depth[u];
+    px[u] = eye_x + Dot(z * r[0], z * r[1], z * r[2], x, y, 1);
+    py[u] = eye_y + Dot(z * r[3], z * r[4], z * r[5], x, y, 1);
+    pz[u] = eye_z + Dot(z * r[6], z * r[7], z * r[8], x, y, 1);
+    nearest[u] = kMultipathReach;
+  }
+  for (std::size_t b = 0; b < row.boxes.size(); ++b) {
+    if ((row.rising >> b & 1) == 0) continue;
+    const SeamBox box = row.boxes[b];
+    const float *const q = box.rotation.data(), *const centre = box.centre.data(),
+                       *const half = box.half.data();
+    for (int u = 0; u < count; ++u) {
+      const float dx = centre[0] - px[u], dy = centre[1] - py[u], dz = centre[2] - pz[u];
+      const float x = std::max(std::abs(Dot(q[0], q[1], q[2], dx, dy, dz)) - half[0], 0.0F);
+      const float y = std::max(std::abs(Dot(q[3], q[4], q[5], dx, dy, dz)) - half[1], 0.0F);
+      const float z = std::max(std::abs(Dot(q[6], q[7], q[8], dx, dy, dz)) - half[2], 0.0F);
+      nearest[u] = std::min(nearest[u], std::sqrt(Dot(x, y, z, x, y, z)));
+    }
+  }
+  if (row.meets_floor) {
+    const float floor = row.floor;
+    for (int u = 0; u < count; ++u)
+      nearest[u] = std::min(nearest[u], std::max(py[u] - floor, 0.0F));
+  }
+  const float multipath = row.multipath, fill = row.fill;
+  for (int u = 0; u < count; ++u) {
+    error[u] += multipath * (1 - nearest[u] / kMultipathReach) -
+                fill * std::max(1 - nearest[u] / kFillReach, 0.0F);
+  }
 }
 
 /// Adds the depth errors of `frame`, and clears `keep` where too little light returns.
@@ -217,24 +318,21 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
   const TofDevice& device = frame.device;
   const std::vector<SeamBox> boxes = SeamBoxes(input);
   const std::vector<TofFace> infos = TofFaces(input, boxes);
-  std::vector<noise::SeamBox> seam_boxes;
-  for (const SeamBox& box : boxes) seam_boxes.push_back(box.ForKernels());
-  noise::SeamRow seam{};
-  Eigen::Map<RowMajor3f>(seam.rotation) = input.structure_from_sensor.linear().cast<float>();
-  Eigen::Map<Eigen::Vector3f>(seam.eye) = input.structure_from_sensor.translation().cast<float>();
-  seam.boxes = seam_boxes.data();
-  seam.num_boxes = static_cast<int>(seam_boxes.size());
-  seam.floor = static_cast<float>(input.structure.FloorHeight());
-  seam.multipath = device.multipath;
-  seam.multipath_reach = kMultipathReach;
-  seam.fill = device.fill;
-  seam.fill_reach = kFillReach;
-  constexpr noise::TofFigures kFigures = {kWhiteNoise, kWhiteNoiseSlope, kLeastNoiseCosine,
-                                          kPatchWave, kFarthest};
+  SeamRow seam{0,
+               nullptr,
+               nullptr,
+               input.structure_from_sensor.linear().cast<float>(),
+               input.structure_from_sensor.translation().cast<float>(),
+               boxes,
+               0,
+               false,
+               static_cast<float>(input.structure.FloorHeight()),
+               device.multipath,
+               device.fill};
   const int width = depth->width();
   const auto columns = static_cast<std::size_t>(width);
   std::vector<float> of_faces(3 * columns), error(columns), scratch(4 * columns);
-  noise::TofRow row{};
+  TofRow row{};
   row.count = width;
   row.height = of_faces.data();
   row.reflectivity = of_faces.data() + columns;
@@ -259,7 +357,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
           to + 2 * columns, end - begin,
           infos[face].is_structure ? frame.patch_limit + kStructurePatchLimit : frame.patch_limit);
     });
-    noise::Kernels().measure(row, kFigures, error.data(), &(*keep)[first]);
+    MeasureRow(row, error.data(), &(*keep)[first]);
     ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
       if (infos[face].meets_floor || infos[face].seam_boxes != 0) {
         seam.count = end - begin;
@@ -267,7 +365,7 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
         seam.rays = row.rays + std::ptrdiff_t{2} * begin;
         seam.rising = infos[face].seam_boxes;
         seam.meets_floor = infos[face].meets_floor;
-        noise::Kernels().seams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
+        AddSeams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
       }
       for (int u = begin; u < end; ++u) {
         (*depth)(u, v) = row.depth[u] + error[static_cast<std::size_t>(u)];

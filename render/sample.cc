@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "core/base/error.h"
 #include "core/base/input_file.h"
@@ -87,6 +88,15 @@ void RequireThatEverySensorIsDrawn(const SampleContext& context) {
 
 }  // namespace
 
+std::vector<IntrinsicsPoolEntry> EntriesOf(const std::vector<std::string>& sensors,
+                                           const std::vector<IntrinsicsPoolEntry>& pool) {
+  std::vector<IntrinsicsPoolEntry> entries;
+  std::copy_if(pool.begin(), pool.end(), std::back_inserter(entries), [&](const auto& entry) {
+    return sensors.empty() || std::count(sensors.begin(), sensors.end(), entry.sensor) > 0;
+  });
+  return entries;
+}
+
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
                                 const Structure* structure) {
   if (batch_size < 1) {
@@ -112,12 +122,7 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
                                     config.intrinsics, fmt::join(names, ", ")));
     }
   }
-  for (const IntrinsicsPoolEntry& entry : pool) {
-    if (config.sensors.empty() || std::find(config.sensors.begin(), config.sensors.end(),
-                                            entry.sensor) != config.sensors.end()) {
-      context.pool.push_back(entry);
-    }
-  }
+  context.pool = EntriesOf(config.sensors, pool);
   for (const std::string& model : config.noise.models) {
     if (model == "physics" && &model != &config.noise.models.front()) {
       throw ConfigError(

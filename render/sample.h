@@ -40,6 +40,10 @@ struct SampleContext {
   int batch_size = 16;  ///< the image size is a function of index / batch_size
 };
 
+/// The pool's entries for these sensors; all of them if there is none.
+std::vector<IntrinsicsPoolEntry> EntriesOf(const std::vector<std::string>& sensors,
+                                           const std::vector<IntrinsicsPoolEntry>& pool);
+
 /// Reads the pool and, if `structure` is not given, config.structure. Throws ConfigError for an
 /// unknown sensor, an image size without a sensor of its aspect ratio, and a sensor without an
 /// image size of its own. Throws IoError or DataError.

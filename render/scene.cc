@@ -302,17 +302,12 @@ class SceneBuilder {
     return Upright(p.x(), floor_, p.y(), free_yaw);
   }
 
-  enum class Furniture {
-    kBox,
-    kTable,
-    kDesk,
-    kCabinet,
-    kChair,
-    kPole,
-    kBall,
-    kPerson,
-    kStack,
-    kLamp
+  /// A piece of furniture on its footprint: half extents and height, m.
+  struct Piece {
+    Pose base;
+    double half_x = 0, half_z = 0, height = 0;
+    double wx() const { return 2 * half_x; }
+    double wz() const { return 2 * half_z; }
   };
 
   void AddClutter() {
@@ -323,54 +318,59 @@ class SceneBuilder {
   }
 
   void AddFurniture(RandomStream& random) {
-    const auto kind = static_cast<Furniture>(random.Below(10));
+    enum { kBox, kTable, kDesk, kCabinet, kChair, kPole, kBall, kPerson, kStack, kLamp, kKinds };
+    using Append = void (SceneBuilder::*)(const Piece&, RandomStream&);
+    constexpr std::array<Append, kKinds> kAppend = {
+        &SceneBuilder::AppendBlock,       &SceneBuilder::AppendTable<false>,
+        &SceneBuilder::AppendTable<true>, &SceneBuilder::AppendCabinet,
+        &SceneBuilder::AppendChair,       &SceneBuilder::AppendPole,
+        &SceneBuilder::AppendBall,        &SceneBuilder::AppendPerson,
+        &SceneBuilder::AppendStack,       &SceneBuilder::AppendLamp};
+    const int kind = random.Below(kKinds);
     const double size = random.Uniform(config_.clutter_size_m[0], config_.clutter_size_m[1]);
     const double s = random.Uniform(0.3, 1), t = random.Uniform(0.3, 1);
-    double half_x = 0.5 * size * s, half_z = 0.5 * size * t, height = size;
-    switch (kind) {
-      case Furniture::kTable:
-      case Furniture::kDesk:
-        half_x = 0.5 * std::max(0.6, size);
-        half_z = half_x * t;
-        height = random.Uniform(0.4, 1.1);
-        break;
-      case Furniture::kCabinet:
-        half_x = 0.5 * std::max(0.3, size * s);
-        half_z = 0.5 * random.Uniform(0.2, 0.6);
-        height = random.Uniform(0.5, 2.2);
-        break;
-      case Furniture::kChair:
-        half_x = half_z = 0.5 * random.Uniform(0.35, 0.6);
-        height = random.Uniform(0.7, 1.2);
-        break;
-      case Furniture::kPole:
-        half_x = half_z = 0.5 * random.Uniform(0.03, 0.5);
-        height = random.Uniform(0.2, 2.2);
-        break;
-      case Furniture::kBall:
-        half_x = half_z = 0.5 * std::min(size, 0.8);
-        break;
-      case Furniture::kPerson:
-        half_x = 0.28;
-        half_z = 0.18;
-        height = random.Uniform(1.45, 1.95);
-        break;
-      case Furniture::kBox:
-      case Furniture::kStack:
-      case Furniture::kLamp:
-        break;
+    Piece piece{Pose(), 0.5 * size * s, 0.5 * size * t, size};
+    if (kind == kTable || kind == kDesk) {
+      piece.half_x = 0.5 * std::max(0.6, size);
+      piece.half_z = piece.half_x * t;
+      piece.height = random.Uniform(0.4, 1.1);
+    } else if (kind == kCabinet) {
+      piece.half_x = 0.5 * std::max(0.3, size * s);
+      piece.half_z = 0.5 * random.Uniform(0.2, 0.6);
+      piece.height = random.Uniform(0.5, 2.2);
+    } else if (kind == kChair) {
+      piece.half_x = piece.half_z = 0.5 * random.Uniform(0.35, 0.6);
+      piece.height = random.Uniform(0.7, 1.2);
+    } else if (kind == kPole) {
+      piece.half_x = piece.half_z = 0.5 * random.Uniform(0.03, 0.5);
+      piece.height = random.Uniform(0.2, 2.2);
+    } else if (kind == kBall) {
+      piece.half_x = piece.half_z = 0.5 * std::min(size, 0.8);
+    } else if (kind == kPerson) {
+      piece.half_x = 0.28;
+      piece.half_z = 0.18;
+      piece.height = random.Uniform(1.45, 1.95);
     }
-    Pose base;
     Footprint footprint;
     bool free = false;
     for (int attempt = 0; attempt < kAttempts && !free; ++attempt) {
-      base = DrawPlace(random, half_x, half_z);
-      footprint = FootprintOf(base, half_x, half_z);
+      piece.base = DrawPlace(random, piece.half_x, piece.half_z);
+      footprint = FootprintOf(piece.base, piece.half_x, piece.half_z);
       free = Free(footprint, config_.clutter_clearance_m, /*keep_corridors=*/true);
     }
     if (!free) return;
-    if (kind != Furniture::kLamp) placed_.push_back(footprint);
-    AppendFurniture(kind, {base, half_x, half_z, height}, random);
+    if (kind != kLamp) placed_.push_back(footprint);
+    mesh_.BeginObject(Material(random));
+    (this->*kAppend[static_cast<std::size_t>(kind)])(piece, random);
+  }
+
+  void AppendBlock(const Piece& piece, RandomStream& /*random*/) {
+    BoxAt(piece.base, {0, 0.5 * piece.height, 0}, {piece.wx(), piece.height, piece.wz()});
+  }
+
+  void AppendPole(const Piece& piece, RandomStream& /*random*/) {
+    mesh_.AppendCylinder(piece.base * Eigen::Vector3d::Zero(),
+                         piece.base * Eigen::Vector3d(0, piece.height, 0), piece.half_x, 10);
   }
 
   void AppendLegs(const Pose& base, double half_x, double half_z, double height, double width) {
@@ -382,53 +382,9 @@ class SceneBuilder {
     }
   }
 
-  /// A piece of furniture on its footprint: half extents and height, m.
-  struct Piece {
-    Pose base;
-    double half_x = 0, half_z = 0, height = 0;
-    double wx() const { return 2 * half_x; }
-    double wz() const { return 2 * half_z; }
-  };
-
-  void AppendFurniture(Furniture kind, const Piece& piece, RandomStream& random) {
-    mesh_.BeginObject(Material(random));
-    switch (kind) {
-      case Furniture::kBox:
-        BoxAt(piece.base, {0, 0.5 * piece.height, 0}, {piece.wx(), piece.height, piece.wz()});
-        break;
-      case Furniture::kTable:
-        AppendTable(piece, /*monitors=*/false, random);
-        break;
-      case Furniture::kDesk:
-        AppendTable(piece, /*monitors=*/true, random);
-        break;
-      case Furniture::kCabinet:
-        AppendCabinet(piece, random);
-        break;
-      case Furniture::kChair:
-        AppendChair(piece);
-        break;
-      case Furniture::kPole:
-        mesh_.AppendCylinder(piece.base * Eigen::Vector3d::Zero(),
-                             piece.base * Eigen::Vector3d(0, piece.height, 0), piece.half_x, 10);
-        break;
-      case Furniture::kBall:
-        AppendBall(piece, random);
-        break;
-      case Furniture::kPerson:
-        AppendPerson(piece, random);
-        break;
-      case Furniture::kStack:
-        AppendStack(piece, random);
-        break;
-      case Furniture::kLamp:
-        AppendLamp(piece, random);
-        break;
-    }
-  }
-
   /// A table with objects, or monitors, on it.
-  void AppendTable(const Piece& piece, bool monitors, RandomStream& random) {
+  template <bool monitors>
+  void AppendTable(const Piece& piece, RandomStream& random) {
     const auto& [base, half_x, half_z, height] = piece;
     const double top = random.Uniform(0.02, 0.06);
     BoxAt(base, {0, height - 0.5 * top, 0}, {piece.wx(), top, piece.wz()});
@@ -451,10 +407,7 @@ class SceneBuilder {
   /// A cabinet: closed, or open shelves.
   void AppendCabinet(const Piece& piece, RandomStream& random) {
     const auto& [base, half_x, half_z, height] = piece;
-    if (random.Chance(0.5)) {
-      BoxAt(base, {0, 0.5 * height, 0}, {piece.wx(), height, piece.wz()});
-      return;
-    }
+    if (random.Chance(0.5)) return AppendBlock(piece, random);
     const int boards = 2 + random.Below(4);
     for (int i = 0; i <= boards; ++i) {
       BoxAt(base, {0, 0.015 + (height - 0.03) * i / boards, 0}, {piece.wx(), 0.03, piece.wz()});
@@ -464,7 +417,7 @@ class SceneBuilder {
     }
   }
 
-  void AppendChair(const Piece& piece) {
+  void AppendChair(const Piece& piece, RandomStream& /*random*/) {
     const auto& [base, half_x, half_z, height] = piece;
     const double seat = std::min(0.5, 0.55 * height);
     BoxAt(base, {0, seat, 0}, {piece.wx(), 0.06, piece.wz()});

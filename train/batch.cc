@@ -15,11 +15,7 @@
 namespace volalign {
 namespace {
 
-/// Most cameras whose rays are kept. A pool has some ten at its image sizes, but a folder of frames
-/// may have one per sample. 64 of 320x288 take 47 MB.
-constexpr std::size_t kMostCameras = 64;
-
-/// As in the rounding of depth to millimetres (render/noise_kernels.inc) and the multiplication in
+/// As in the rounding of depth to millimetres (render/noise.cc) and the multiplication in
 /// Unpack.
 constexpr float kMillimetre = 0.001F;
 
@@ -70,23 +66,21 @@ Batch Batch::Narrow(std::int64_t first, std::int64_t count) const {
 }
 
 const BatchPacker::Camera& BatchPacker::Of(const Intrinsics& intrinsics) {
-  for (const Camera& known : cameras_) {
-    if (known.intrinsics == intrinsics) return known;
-  }
-  if (cameras_.size() == kMostCameras) cameras_.pop_front();
-  const RayTable table = ComputeRays(intrinsics);
-  const std::size_t pixels = table.rays.size();
-  Camera camera{intrinsics, {}, at::empty({2, intrinsics.height, intrinsics.width}, at::kFloat)};
-  float* rays = camera.rays.data_ptr<float>();
-  for (std::size_t i = 0; i < pixels; ++i) {
-    const bool has_ray = table.rays[i].allFinite();
-    if (!has_ray && camera.has_ray.empty()) camera.has_ray.assign(pixels, 1);
-    if (!has_ray) camera.has_ray[i] = 0;
-    rays[i] = has_ray ? table.rays[i].x() : 0.0F;
-    rays[pixels + i] = has_ray ? table.rays[i].y() : 0.0F;
-  }
-  camera.rays = camera.rays.to(device_);
-  return cameras_.emplace_back(std::move(camera));
+  return cameras_.Get(intrinsics, [this](const Intrinsics& k) {
+    const RayTable table = ComputeRays(k);
+    const std::size_t pixels = table.rays.size();
+    Camera camera{{}, at::empty({2, k.height, k.width}, at::kFloat)};
+    float* rays = camera.rays.data_ptr<float>();
+    for (std::size_t i = 0; i < pixels; ++i) {
+      const bool has_ray = table.rays[i].allFinite();
+      if (!has_ray && camera.has_ray.empty()) camera.has_ray.assign(pixels, 1);
+      if (!has_ray) camera.has_ray[i] = 0;
+      rays[i] = has_ray ? table.rays[i].x() : 0.0F;
+      rays[pixels + i] = has_ray ? table.rays[i].y() : 0.0F;
+    }
+    camera.rays = camera.rays.to(device_);
+    return camera;
+  });
 }
 
 PackedBatch BatchPacker::Pack(const std::vector<Sample>& samples) {

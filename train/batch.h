@@ -3,9 +3,9 @@
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
-#include <deque>
 #include <vector>
 
+#include "render/recent_lenses.h"
 #include "render/sample.h"
 
 namespace volalign {
@@ -49,14 +49,13 @@ class BatchPacker {
 
  private:
   struct Camera {
-    Intrinsics intrinsics;
     std::vector<std::uint8_t> has_ray;  ///< per pixel; empty: all have one
     at::Tensor rays;                    ///< [2,H,W] float32 on the device
   };
   const Camera& Of(const Intrinsics& intrinsics);
 
   at::Device device_;
-  std::deque<Camera> cameras_;
+  RecentLenses<Camera> cameras_;
 };
 
 /// The samples' values, bit for bit, on the device of the rays.

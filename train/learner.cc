@@ -41,17 +41,13 @@ void Learner::Step(double lr, const at::Tensor& gradient_norm, const at::Tensor&
 
 void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
   if (!finite.is_cpu()) {
-    UpdateUnseen(lr, gradient_norm, finite);
+    Step(lr, gradient_norm, finite);
   } else if (finite.item<bool>()) {
     Step(lr, gradient_norm);
   } else {
     c10::NoGradGuard no_grad;
     flat.gradients().zero_();
   }
-}
-
-void Learner::UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
-  Step(lr, gradient_norm, finite);
 }
 
 std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner) {

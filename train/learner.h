@@ -23,19 +23,16 @@ class Learner {
 
   /// Clips, steps the optimiser and the average, and zeroes the gradient. If `finite`, a bool
   /// scalar, is false, nothing else changes. Such a step is not counted on the CPU. On other
-  /// devices it is UpdateUnseen.
+  /// devices it is Step.
   void Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
   /// The same without reading `finite` on the host, which would have to wait for the device. The
-  /// device undoes the step, piece by piece, and the step is counted.
-  void UpdateUnseen(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite);
+  /// device undoes the step, piece by piece, and the step is counted. Undefined: it is true.
+  void Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite = {});
 
   StructureNet net;
   FlatModule flat;  ///< the parameters of `net`
   Optimizer optimizer;
   WeightAverage average;
-
- private:
-  void Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite = {});
 };
 
 /// Copies the weights of the checkpoint `path` (run.init) and returns the number of its training

@@ -10,6 +10,7 @@
 #include "core/base/input_file.h"
 #include "core/geometry/camera.h"
 #include "core/nn/checkpoint.h"
+#include "render/sample.h"
 
 namespace volalign {
 namespace {
@@ -26,19 +27,6 @@ bool IsFound(const std::string& path) { return Exists(FindInputFile(path)); }
 std::string IfExists(const fs::path& path) { return Exists(path) ? path.string() : ""; }
 
 std::string KeptStructure(const fs::path& dir) { return IfExists(dir / "structure.yaml"); }
-
-/// The pool's entries for the recipe's sensors.
-std::vector<IntrinsicsPoolEntry> PoolOf(const std::string& file,
-                                        const std::vector<std::string>& sensors) {
-  std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(file);
-  pool.erase(std::remove_if(pool.begin(), pool.end(),
-                            [&](const IntrinsicsPoolEntry& entry) {
-                              return !sensors.empty() && std::find(sensors.begin(), sensors.end(),
-                                                                   entry.sensor) == sensors.end();
-                            }),
-             pool.end());
-  return pool;
-}
 
 bool SamePool(const std::vector<IntrinsicsPoolEntry>& a,
               const std::vector<IntrinsicsPoolEntry>& b) {
@@ -89,7 +77,8 @@ void RequireSameInputs(const fs::path& dir, const TrainConfig& config, const Str
   }
   const std::string kept = KeptIntrinsics(dir);
   if (kept.empty() || !IsFound(data.intrinsics)) return;
-  if (!SamePool(PoolOf(kept, data.sensors), PoolOf(data.intrinsics, data.sensors)))
+  if (!SamePool(EntriesOf(data.sensors, ReadIntrinsicsPool(kept)),
+                EntriesOf(data.sensors, ReadIntrinsicsPool(data.intrinsics))))
     Differs("data.intrinsics", data.intrinsics, kept, "intrinsics of the recipe's sensors");
 }
 

@@ -33,22 +33,10 @@ struct FaceAxes {
 };
 
 FaceAxes AxesOf(Face face) {
-  using V = Eigen::Vector3d;
-  switch (face) {
-    case Face::kFront:
-      return {V::UnitX(), V::UnitY(), V::UnitZ()};
-    case Face::kBack:
-      return {-V::UnitX(), V::UnitZ(), V::UnitY()};
-    case Face::kUp:
-      return {V::UnitY(), V::UnitZ(), V::UnitX()};
-    case Face::kDown:
-      return {-V::UnitY(), V::UnitX(), V::UnitZ()};
-    case Face::kRight:
-      return {V::UnitZ(), V::UnitX(), V::UnitY()};
-    case Face::kLeft:
-      return {-V::UnitZ(), V::UnitY(), V::UnitX()};
-  }
-  throw Error("unknown face");
+  const int axis = static_cast<int>(face) / 2;
+  const auto unit = [axis](int k) { return Eigen::Vector3d::Unit((axis + k) % 3); };
+  if (static_cast<int>(face) % 2 == 0) return {unit(0), unit(1), unit(2)};
+  return {-unit(0), unit(2), unit(1)};
 }
 
 /// The part of the line origin + v * direction (in a box's frame) inside the box.
@@ -82,17 +70,13 @@ void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
     if (static_cast<int>(b) == side->box) continue;
     const Box& box = boxes[b];
     double nearest = 1e9, farthest = -1e9;
-    std::array<double, 8> corners_u;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d sign((corner & 1) ? 1 : -1, (corner & 2) ? 1 : -1,
-                                 (corner & 4) ? 1 : -1);
-      const Eigen::Vector3d p =
-          box.structure_from_box * Eigen::Vector3d(sign.cwiseProduct(box.size) / 2) - side->centre;
+    std::vector<double> corners_u;
+    for (const Eigen::Vector3d& corner : box.Corners()) {
+      const Eigen::Vector3d p = corner - side->centre;
       const double height = p.dot(side->normal);
       nearest = std::min(nearest, height);
       farthest = std::max(farthest, height);
-      corners_u[static_cast<std::size_t>(corner)] =
-          std::clamp(p.dot(side->axis_u), -side->half_u, side->half_u);
+      corners_u.push_back(std::clamp(p.dot(side->axis_u), -side->half_u, side->half_u));
     }
     if (nearest > kTouching || farthest < kTouching) continue;
     const Pose box_from_structure = box.structure_from_box.inverse();

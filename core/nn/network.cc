@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <map>
-#include <sstream>
 #include <utility>
 
 #include "core/base/error.h"
@@ -84,32 +83,6 @@ void StructureNetImpl::RequireInput(const at::Tensor& input) const {
                     "not {} of {}",
                     channels, ShapeText(input), at::toString(input.scalar_type())));
   }
-}
-
-std::string StructureNetImpl::prettyString() const {
-  std::ostringstream out;
-  pretty_print(out);
-  return out.str();
-}
-
-void StructureNetImpl::pretty_print(std::ostream& stream) const {
-  stream << fmt::format(
-      "StructureNet(base_channels {}, classes {}, attention {}, normalization {}, "
-      "input {}, residual_blocks {})\n",
-      options_.base_channels, options_.num_classes, options_.attention ? "yes" : "no",
-      ToString(options_.normalization), ToString(options_.input), options_.residual_blocks);
-  for (const auto& item : named_children()) {
-    const at::Tensor weight = item.value()->named_parameters(false)["weight"];
-    stream << fmt::format("  {:<12} {}x{} {} -> {}\n", item.key(), weight.size(2), weight.size(3),
-                          weight.size(1), weight.size(0));
-  }
-  stream << fmt::format("  parameters   {}", CountParameters(*this));
-}
-
-std::int64_t CountParameters(const torch::nn::Module& module) {
-  std::int64_t count = 0;
-  for (const at::Tensor& p : module.parameters()) count += p.numel();
-  return count;
 }
 
 }  // namespace volalign

@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <ostream>
 #include <string>
 #include <vector>
 
@@ -50,9 +49,6 @@ class StructureNetImpl : public torch::nn::Module {
   void SetChannelsLast(bool channels_last) { channels_last_ = channels_last; }
 
   const StructureNetOptions& options() const { return options_; }
-  /// The options, a line for each child with a convolution's weight, and the number of parameters.
-  void pretty_print(std::ostream& stream) const override;
-  std::string prettyString() const;
 
  protected:
   /// Throws Error if ForwardWithAttention cannot take `input`.
@@ -84,8 +80,5 @@ class StructureNet : public torch::nn::ModuleHolder<StructureNetImpl> {
   /// Makes a network of options.kind. Throws ConfigError for invalid options or an unknown kind.
   explicit StructureNet(const StructureNetOptions& options);
 };
-
-/// Number of trainable values.
-std::int64_t CountParameters(const torch::nn::Module& module);
 
 }  // namespace volalign

@@ -16,7 +16,7 @@ import re
 import subprocess
 
 SIZES = {"D415, 320x180": 0, "Kinect, 320x288": 2}  # argument of the benchmarks
-RENDERERS = ("egl", "cpu", "cpu-avx2")
+RENDERERS = ("egl", "cpu")
 ENVIRONMENT = {**os.environ, "MALLOC_MMAP_MAX_": "0", "MALLOC_TRIM_THRESHOLD_": str(2**31 - 1), "LP_NUM_THREADS": "0"}
 
 

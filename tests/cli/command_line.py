@@ -145,10 +145,6 @@ class CommandLine(InAFolder):
         options = options_of(self.expect("config commands", 0))
         self.assertGreater(sum(len(rows) for rows in options.values()), 60)
         self.assertEqual(deviating_names(options), [])
-        # It sees what it looks for.
-        for command, old, new in (("calibrate", "--threads", "--jobs"), ("validate", "-o,--output", "--json"), ("render", "--egl-device", "--device")):
-            broken = {name: [(new if names == old else names, meaning) for names, meaning in rows] if name == command else rows for name, rows in options.items()}
-            self.assertTrue(deviating_names(broken), (command, new))
 
     def expect_record(self, line, options):
         """What stands beside the result of an example says how it came about."""

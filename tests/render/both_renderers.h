@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <string>
 
 #include "render/depth_renderer.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign {
 
@@ -25,16 +25,7 @@ inline int NearestFace(const SceneMesh& mesh, const Pose& structure_from_sensor,
     const double height = face.offset - face.normal.dot(eye);
     const double z = height / face.normal.dot(direction);
     if (!(height < 0) || !(z > DepthRenderer::kNear) || !(z < nearest)) continue;
-    const Eigen::Vector3d p = eye + z * direction;
-    int left = 0, right = 0;
-    for (std::size_t k = 0; k < 4; ++k) {
-      const Eigen::Vector3d a = face.corners[k].cast<double>();
-      const Eigen::Vector3d b = face.corners[(k + 1) % 4].cast<double>();
-      const double side = (b - a).cross(p - a).dot(face.normal);
-      left += side > 0;
-      right += side < 0;
-    }
-    if (left > 0 && right > 0) continue;
+    if (!Inside(face, eye + z * direction)) continue;
     nearest = z;
     found = static_cast<int>(i) + 1;
   }
@@ -78,10 +69,6 @@ class BothRenderers : public DepthRenderer {
         << "of " << pixels_ << " pixels";
     EXPECT_LE(wrong_tiles_, std::max(1L, pixels_ / 20000)) << "of " << pixels_ << " pixels";
     EXPECT_LE(worst_m_, 1e-4);
-    testing::Test::RecordProperty("pixels", std::to_string(pixels_));
-    testing::Test::RecordProperty("other_face", std::to_string(other_face_));
-    testing::Test::RecordProperty("wrong_tiles", std::to_string(wrong_tiles_));
-    testing::Test::RecordProperty("worst_m", std::to_string(worst_m_));
   }
 
  private:

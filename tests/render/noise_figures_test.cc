@@ -126,10 +126,14 @@ TEST_F(NoiseFiguresTest, ShareOfHolesInRooms) {
     const SampleContext context =
         MakeSampleContext(stereo ? SamplesOf(kD415, "320x180") : SamplesOf(kAzure, "320x288"), 1);
     DepthStatistics statistics({stereo});
+    Tally on_structure;
     for (std::uint64_t i = 0; i < 160; ++i) {
       const Sample sample = Synthesize(context, renderer_, 12, i);
       statistics.Add(sample.depth, sample.intrinsics);
+      for (std::size_t k = 0; k < sample.depth.size(); ++k)
+        if (sample.labels_clean[k] != 0) on_structure += sample.depth[k] > 0;
     }
+    EXPECT_GT(on_structure.Mean(), 0.88);
     if (stereo) {
       EXPECT_WITHIN_10_PERCENT(statistics.valid_share(), 0.63);
     } else {

@@ -14,10 +14,8 @@
 #include "core/geometry/structure.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
-#include "render/noise_kernels.h"
 #include "render/sample.h"
 #include "render/subpixels.h"
-#include "render/tiles/tile_renderer.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
 #include "tests/render/noise_scenes.h"
@@ -183,32 +181,82 @@ TEST_F(NoiseTest, StereoLosesTheBandThatOneCameraSees) {
   }
 }
 
+// The plate spans 0.6 m at 1.6 m: columns 159.5 -+ 44.25. Its shadow is 12.975 (1/1.6 - 1/z) px
+// wide, of which the matcher sees half a pixel: whole pixels are lost.
 TEST_F(NoiseTest, StereoShadowLiesLeftOfTheForeground) {
   const Intrinsics k = CentredCamera(320, 180, 236);
-  const WallScene scene = MakeWall(4.0, 1.6, k);
-  // The plate spans 0.6 m at 1.6 m: columns 159.5 -+ 44.25. Shadow: 12.975 (1/1.6 - 1/4) = 4.9 px.
-  double left = 0, right = 0;
-  constexpr int kFrames = 12;
-  for (std::uint64_t i = 0; i < kFrames; ++i) {
-    const NoisyView noisy = Spoil(scene, k, kD415, i);
-    for (int v = 70; v < 110; ++v) {
-      // From inside the plate outwards: past its last pixel (it may be grown by a pixel or two),
-      // count what is lost.
-      int u = 119, run = 0;
-      while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) --u;
-      for (; noisy.depth(u, v) == 0; --u) ++run;
-      left += run / (40.0 * kFrames);
-      u = 200;
-      run = 0;
-      while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) ++u;
-      for (; noisy.depth(u, v) == 0; ++u) ++run;
-      right += run / (40.0 * kFrames);
+  for (const double z : {4.0, 3.5}) {
+    const WallScene scene = MakeWall(z, 1.6, k);
+    double left = 0, right = 0;
+    constexpr int kFrames = 12;
+    for (std::uint64_t i = 0; i < kFrames; ++i) {
+      const NoisyView noisy = Spoil(scene, k, kD415, i);
+      for (int v = 70; v < 110; ++v) {
+        // From inside the plate outwards: past its last pixel (it may be grown by a pixel or two),
+        // count what is lost.
+        for (const int step : {-1, 1}) {
+          int u = step < 0 ? 119 : 200, run = 0;
+          while (noisy.depth(u, v) > 0 && noisy.depth(u, v) < 2) u += step;
+          for (; noisy.depth(u, v) == 0; u += step) ++run;
+          (step < 0 ? left : right) += run / (40.0 * kFrames);
+        }
+      }
     }
+    EXPECT_NEAR(left, std::floor(12.975 * (1 / 1.6 - 1 / z) - 0.5) + 0.3, 0.4) << z;
+    EXPECT_LT(right, 2.0);
   }
-  EXPECT_GT(left, 3.0);
-  EXPECT_LT(left, 7.5);
-  EXPECT_LT(right, 2.0);
-  EXPECT_GT(left, right + 2);
+}
+
+// Surfaces too near for the search of 126 px at 1280, and, along a floor, steeper than 70 deg.
+TEST_F(NoiseTest, StereoLosesNearAndSteepSurfaces) {
+  const Intrinsics k = CentredCamera(320, 180, 236);
+  const auto valid = [](const NoisyView& noisy) {
+    return std::count_if(noisy.depth.begin(), noisy.depth.end(), [](float z) { return z > 0; });
+  };
+  EXPECT_EQ(valid(Spoil(MakeWall(0.40, 0, k), k, kD415, 0)), 0);
+  EXPECT_GT(valid(Spoil(MakeWall(0.43, 0, k), k, kD415, 0)), 10000);
+  WallScene scene;
+  scene.mesh.BeginObject({0.9F, 1.0F, true});
+  scene.mesh.AppendQuad({Eigen::Vector3d(-90, 0, -90), Eigen::Vector3d(90, 0, -90),
+                         Eigen::Vector3d(90, 0, 90), Eigen::Vector3d(-90, 0, 90)},
+                        Eigen::Vector3d::UnitY());
+  scene.pose = LookAt({0, 0.4, 0}, {1, 0.4, 0}, 0);
+  renderer_.Render(scene.mesh, k, scene.pose, &scene.view);
+  Tally steep, flat;
+  for (std::uint64_t i = 0; i < 60; ++i) {
+    const NoisyView noisy = Spoil(scene, k, kD415, i);
+    // Cosines of 0.06 to 0.08 and of 0.24 to 0.28.
+    for (const auto [u, v] : Pixels({140, 104}, {180, 108})) steep += noisy.depth(u, v) == 0;
+    for (const auto [u, v] : Pixels({140, 148}, {180, 158})) flat += noisy.depth(u, v) == 0;
+  }
+  // Texture of 2.3 to 3.6 less 2 (0.35 - c) and 8 (0.22 - c), with fields of 0.98 in all.
+  EXPECT_NEAR(steep.Mean(), 0.13, 0.05);
+  EXPECT_LT(flat.Mean(), 0.02);
+}
+
+// A wall that returns half the light at the highest threshold is lost in half of the frames, and
+// in many of them in part. None is measured beyond 16 m.
+TEST_F(NoiseTest, TimeOfFlightLosesDarkAndFarSurfaces) {
+  const Intrinsics k = CentredCamera(320, 288, 252);
+  WallScene scene = MakeWall(2.0, 0, k);
+  scene.mesh.objects[0].reflectivity = 0.002F * 4;
+  Tally lost, partly;
+  for (std::uint64_t i = 0; i < 100; ++i) {
+    const NoisyView noisy = Spoil(scene, k, kAzure, i);
+    Tally here;
+    for (const auto [u, v] : Pixels({140, 124}, {180, 164})) here += noisy.depth(u, v) == 0;
+    lost += here.Mean();
+    partly += here.Mean() > 0.1 && here.Mean() < 0.9;
+  }
+  EXPECT_NEAR(lost.Mean(), 0.5, 0.12);
+  EXPECT_GT(partly.Mean(), 0.2);
+  const auto measured = [&](double z) {
+    WallScene far = MakeWall(z, 0, k);
+    far.mesh.objects[0].reflectivity = 2;
+    return Spoil(far, k, kAzure, 0).depth(160, 144) > 0;
+  };
+  EXPECT_TRUE(measured(15.8));
+  EXPECT_FALSE(measured(16.2));
 }
 
 // Section 1, "Edges": a gap at 60 to 70 % of the jumps, seldom wider than 12 px; 2 to 5 % flying
@@ -445,32 +493,6 @@ TEST_F(NoiseTest, LabelsVanishWithTheDepthAndFollowTheSurface) {
   }
 }
 
-// Facts: Azure Kinect 11 to 13 % holes inside the mask (that covers 82 %), D415 63 % valid; broad
-// bands around both.
-TEST_F(NoiseTest, RoomsHaveTheMeasuredShareOfHoles) {
-  for (const bool stereo : {false, true}) {
-    const SampleContext context =
-        MakeSampleContext(stereo ? SamplesOf(kD415, "160x90") : SamplesOf(kAzure, "160x144"), 1);
-    double valid = 0, on_structure = 0, structure = 0;
-    constexpr int kCount = 60;
-    for (std::uint64_t i = 0; i < kCount; ++i) {
-      const Sample sample = Synthesize(context, renderer_, 32, i);
-      for (std::size_t k = 0; k < sample.depth.size(); ++k) {
-        valid += sample.depth[k] > 0;
-        structure += sample.labels_clean[k] != 0;
-        on_structure += sample.labels_clean[k] != 0 && sample.depth[k] > 0;
-      }
-    }
-    valid /= kCount * 160.0 * (stereo ? 90 : 144);
-    if (stereo) {
-      EXPECT_NEAR(valid, 0.63, 0.07);
-    } else {
-      EXPECT_NEAR(valid / 0.82, 0.88, 0.06);
-    }
-    EXPECT_GT(on_structure / structure, 0.88);
-  }
-}
-
 TEST_F(NoiseTest, PaperNoiseClearsBordersAndHolesAlone) {
   const Intrinsics k = CentredCamera(160, 90, 118);
   const WallScene scene = MakeWall(4.0, 1.6, k);
@@ -531,7 +553,8 @@ TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
   EXPECT_EQ(first_column("realsense_d455"), std::ceil(0.095 * kFocal / kDistance));
   EXPECT_EQ(first_column("oak_d"), std::ceil(0.075 * kFocal / kDistance));
   EXPECT_FALSE(HasSensorModel("realsense_d405"));
-  EXPECT_THROW(Spoil(scene, k, "realsense_d405", 0), ConfigError);
+  for (const char* unknown : {"realsense_d405", "lidar"})
+    EXPECT_THROW(Spoil(scene, k, unknown, 0), ConfigError);
 }
 
 // The corners of a wall: dark in the narrow modes, whose pictures are not square.
@@ -546,12 +569,6 @@ TEST_F(NoiseTest, TheHexagonIsThatOfTheNarrowModes) {
       EXPECT_EQ(measured > 200, height == 320) << sensor << " " << measured;
     }
   }
-}
-
-TEST_F(NoiseTest, UnknownSensorIsAnError) {
-  const Intrinsics k = CentredCamera(64, 64, 50);
-  const WallScene scene = MakeWall(2.0, 0, k);
-  EXPECT_THROW(Spoil(scene, k, "lidar", 0), ConfigError);
 }
 
 TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
@@ -586,32 +603,6 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
   EXPECT_FALSE(Spoil(scene, k, kAzure, 3, config).depth == Spoil(scene, k, kAzure, 3).depth);
   config.models = {};
   EXPECT_TRUE(Spoil(scene, k, "lidar", 3, config).depth == scene.view.depth);
-}
-
-/// Whole frames, from the same clean depth.
-TEST(Noise, IsTheSameByEveryInstructionSet) {
-  const KernelSets<noise::NoiseKernels>& all = noise::AllNoiseKernels();
-  struct Case {
-    const char *model, *sensor, *size;
-  };
-  for (const Case& c : {Case{"sensor", kD415, "320x180"}, Case{"sensor", kAzure, "320x288"},
-                        Case{"physics", kD415, "73x41"}, Case{"physics", kAzure, "51x46"}}) {
-    const SampleContext context = MakeSampleContext(SamplesOf(c.sensor, c.size, c.model), 16);
-    TileRenderer renderer;
-    for (std::uint64_t index = 0; index < 3; ++index) {
-      std::vector<Sample> of_sets;
-      for (int set = 0; set < all.count; ++set) {
-        const noise::KernelsOnThisThread use(all.sets[set]);
-        of_sets.push_back(Synthesize(context, renderer, 5, index));
-      }
-      EXPECT_FALSE(of_sets[0].depth == of_sets[0].depth_clean);
-      for (std::size_t set = 1; set < of_sets.size(); ++set) {
-        SCOPED_TRACE(std::string(c.model) + " " + c.sensor + " " + all.sets[set].name);
-        EXPECT_TRUE(of_sets[set].depth == of_sets[0].depth);
-        EXPECT_TRUE(of_sets[set].labels == of_sets[0].labels);
-      }
-    }
-  }
 }
 
 // Over many devices: what a wall that is seen askew is off by in the middle and at the border of

@@ -20,23 +20,10 @@
 #include "render/subpixels.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
+#include "tests/render/test_scene.h"
 
 namespace volalign::scene_test {
 namespace {
-
-/// Whether a point of the face's plane lies in the polygon: all its edges turn the same way around
-/// it.
-bool Inside(const SceneFace& face, const Eigen::Vector3d& p) {
-  int left = 0, right = 0;
-  for (std::size_t k = 0; k < 4; ++k) {
-    const Eigen::Vector3d a = face.corners[k].cast<double>();
-    const Eigen::Vector3d b = face.corners[(k + 1) % 4].cast<double>();
-    const double side = face.normal.dot((b - a).cross(p - a));
-    left += side > -1e-5;
-    right += side < 1e-5;
-  }
-  return left == 4 || right == 4;
-}
 
 class SceneTest : public testing::Test {
  protected:
@@ -97,7 +84,7 @@ TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {
         ++corners;
       }
       const double distance = face.normal.dot(eye) - face.offset;
-      EXPECT_FALSE(std::abs(distance) < 0.1 && Inside(face, eye - distance * face.normal))
+      EXPECT_FALSE(std::abs(distance) < 0.1 && Inside(face, eye - distance * face.normal, 1e-5))
           << "object " << face.object << " at the sensor";
     }
   }
@@ -240,8 +227,7 @@ TEST_F(SceneTest, RoomEnclosesEverything) {
         if (approach >= 0) continue;
         const double t = (face.offset - face.normal.dot(eye)) / approach;
         if (t <= 0) continue;
-        const Eigen::Vector3d p = eye + t * d;
-        hit |= Inside(face, p);
+        hit |= Inside(face, eye + t * d, 1e-5);
       }
       EXPECT_TRUE(hit);
     }

@@ -6,6 +6,7 @@
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
 #include "render/sample_config.h"
+#include "render/scene_mesh.h"
 
 namespace volalign {
 
@@ -36,6 +37,20 @@ inline SampleConfig SamplesOf(const std::string& sensor, const std::string& size
   config.image_sizes = {size};
   config.noise.models = {noise};
   return config;
+}
+
+/// Whether a point of the face's plane lies in the polygon: all its edges turn the same way around
+/// it.
+inline bool Inside(const SceneFace& face, const Eigen::Vector3d& p, double tolerance = 0) {
+  bool left = false, right = false;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const Eigen::Vector3d a = face.corners[k].cast<double>();
+    const Eigen::Vector3d b = face.corners[(k + 1) % 4].cast<double>();
+    const double side = face.normal.dot((b - a).cross(p - a));
+    left |= side > tolerance;
+    right |= side < -tolerance;
+  }
+  return !left || !right;
 }
 
 /// Whether a neighbour's label or depth differs: such pixels depend on rounding.

@@ -9,7 +9,6 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "core/nn/cpu/torch_threads.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
 #include "render/sample_stream.h"
@@ -24,14 +23,6 @@ namespace {
 
 using nlohmann::json;
 namespace fs = std::filesystem;
-
-TrainConfig SmallRecipe() {
-  SetTorchThreads(1);
-  return RecipeWith({"model.base_channels=2", "model.residual_blocks=1",
-                     "data.image_sizes=[40x36, 64x36]", "run.batch_size=2", "run.samples=24",
-                     "run.log_every=2", "run.validation_samples=4", "optim.warmup_samples=4",
-                     "loss.min_side_pixels=3"});
-}
 
 std::shared_ptr<const SampleContext> Context(const TrainConfig& recipe) {
   return std::make_shared<const SampleContext>(

@@ -12,6 +12,7 @@
 #include <torch/csrc/autograd/autograd.h>
 
 #include <cstdint>
+#include <iterator>
 
 #include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
@@ -149,57 +150,31 @@ struct HardBatch {
   Batch batch;
 };
 
-constexpr std::int64_t kHardKinds = 13;
+/// A sample of a HardBatch, and the logits of exactly its labels.
+struct HardSample {
+  at::Tensor logits, depth, labels, rays, right;
+};
 
-void MakeHard(std::int64_t kind, const at::Tensor& logits, const at::Tensor& depth,
-              const at::Tensor& labels, const at::Tensor& rays) {
-  const at::Tensor right = (at::zeros_like(logits) - 1e4).scatter(0, labels.unsqueeze(0), 1e4);
-  switch (kind) {
-    case 0:
-      break;  // random
-    case 1:
-      depth.zero_();
-      break;
-    case 2:
-      depth.zero_();
-      depth[0][3][2] = 1.5;
-      break;
-    case 3:
-      depth.narrow(1, 1, depth.size(1) - 1).zero_();
-      break;
-    case 4:
-      depth.fill_(2);
-      break;
-    case 5:
-      depth.mul_(1e-5);
-      break;
-    case 6:
-      depth.mul_(1e4);
-      break;
-    case 7:
-      logits.copy_(right);
-      break;
-    case 8:
-      logits.copy_(-right);
-      break;
-    case 9:
-      logits.zero_();
-      break;
-    case 10:
-      labels.copy_((labels > 10).to(at::kLong) * 7);
-      break;
-    case 11:
-      rays[0].neg_();
-      logits.copy_(right * 1e-3);
-      break;
-    case 12:
-      rays.copy_(rays[0][0][0].expand_as(rays));
-      depth.fill_(1);
-      break;
-    default:
-      break;
-  }
-}
+/// One kind more than these leaves the sample as it is.
+constexpr void (*kMakeHard[])(const HardSample&) = {
+    [](const HardSample& s) { s.depth.zero_(); },
+    [](const HardSample& s) { s.depth.zero_()[0][3][2] = 1.5; },
+    [](const HardSample& s) { s.depth.narrow(1, 1, s.depth.size(1) - 1).zero_(); },
+    [](const HardSample& s) { s.depth.fill_(2); },
+    [](const HardSample& s) { s.depth.mul_(1e-5); },
+    [](const HardSample& s) { s.depth.mul_(1e4); },
+    [](const HardSample& s) { s.logits.copy_(s.right); },
+    [](const HardSample& s) { s.logits.copy_(-s.right); },
+    [](const HardSample& s) { s.logits.zero_(); },
+    [](const HardSample& s) { s.labels.copy_((s.labels > 10).to(at::kLong) * 7); },
+    [](const HardSample& s) {
+      s.rays[0].neg_();
+      s.logits.copy_(s.right * 1e-3);
+    },
+    [](const HardSample& s) {
+      s.rays.copy_(s.rays[0][0][0].expand_as(s.rays));
+      s.depth.fill_(1);
+    }};
 
 HardBatch DrawHardBatch(std::int64_t samples, std::int64_t classes, std::int64_t size = 8) {
   HardBatch hard;
@@ -208,10 +183,15 @@ HardBatch DrawHardBatch(std::int64_t samples, std::int64_t classes, std::int64_t
       (1 + at::rand({samples, 1, size, size})) * (at::rand({samples, 1, size, size}) > 0.2);
   hard.batch.labels = at::randint(0, classes, {samples, size, size}, at::kLong);
   hard.batch.rays = at::rand({samples, 2, size, size}) - 0.5;
-  const at::Tensor kinds = at::randint(0, kHardKinds, {samples}, at::kLong);
-  for (std::int64_t s = 0; s < samples; ++s)
-    MakeHard(kinds[s].item<std::int64_t>(), hard.logits[s], hard.batch.depth[s],
-             hard.batch.labels[s], hard.batch.rays[s]);
+  constexpr std::int64_t kKinds = std::size(kMakeHard);
+  const at::Tensor kinds = at::randint(0, kKinds + 1, {samples}, at::kLong);
+  for (std::int64_t i = 0; i < samples; ++i) {
+    const at::Tensor logits = hard.logits[i], labels = hard.batch.labels[i];
+    const at::Tensor right = (at::zeros_like(logits) - 1e4).scatter(0, labels.unsqueeze(0), 1e4);
+    const auto kind = kinds[i].item<std::int64_t>();
+    if (kind < kKinds)
+      kMakeHard[kind]({logits, hard.batch.depth[i], labels, hard.batch.rays[i], right});
+  }
   return hard;
 }
 

@@ -208,7 +208,7 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
       if (l == &seen) {
         l->Update(0.1, norm, good);
       } else {
-        l->UpdateUnseen(0.1, norm, good);
+        l->Step(0.1, norm, good);
       }
       EXPECT_EQ(l->flat.gradients().abs().max().item<double>(), 0);
     }
@@ -234,7 +234,7 @@ TEST(Learner, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
   const at::Tensor norm = learner.optimizer.GradientNorm(), good = at::full({}, true, at::kBool);
   std::size_t asked = 0;
   const WatchedMemory memory([&](std::size_t bytes) { asked = std::max(asked, bytes); });
-  learner.UpdateUnseen(0.1, norm, good);
+  learner.Step(0.1, norm, good);
   EXPECT_GT(asked, 0U);
   EXPECT_LT(asked, all / 2);
 }

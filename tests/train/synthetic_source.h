@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <initializer_list>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -17,6 +16,7 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
+#include "core/nn/cpu/torch_threads.h"
 #include "tests/core/base/read_file.h"
 #include "train/batch.h"
 #include "train/trainer.h"
@@ -94,10 +94,16 @@ inline TrainConfig ConfigOf(const std::string& yaml) {
   return ReadConfig<TrainConfig>(ConfigSource::FromString(yaml, "test"));
 }
 
-/// configs/m05-lite.yaml with these changes.
-inline TrainConfig RecipeWith(std::initializer_list<const char*> assignments) {
+/// configs/m05-lite.yaml with a small network on one thread and two samples of 40 x 36 or 64 x 36
+/// pixels a batch.
+inline TrainConfig SmallRecipe() {
+  SetTorchThreads(1);
   ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
-  for (const char* assignment : assignments) source.Set(assignment);
+  for (const char* assignment :
+       {"model.base_channels=2", "model.residual_blocks=1", "data.image_sizes=[40x36, 64x36]",
+        "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=4",
+        "optim.warmup_samples=4", "loss.min_side_pixels=3"})
+    source.Set(assignment);
   return ReadTrainConfig(source);
 }
 

@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/nn/cpu/torch_threads.h"
 #include "render/sample.h"
 #include "tests/core/base/pixels.h"
 #include "tests/train/synthetic_source.h"
@@ -18,13 +17,6 @@
 
 namespace volalign::training_data_test {
 namespace {
-
-/// Rendered, two samples of 40 x 36 pixels a batch.
-TrainConfig SmallRecipe() {
-  SetTorchThreads(1);
-  return RecipeWith({"data.image_sizes=[40x36, 64x36]", "run.batch_size=2", "run.samples=24",
-                     "run.validation_samples=4", "optim.warmup_samples=4"});
-}
 
 void ExpectSame(const std::vector<Sample>& a, const std::vector<Sample>& b) {
   ASSERT_EQ(a.size(), b.size());
@@ -106,7 +98,7 @@ TEST(BatchPacker, TakesMillimetresWhereThatLosesNothing) {
   const Intrinsics k{24, 20, 22, 22, 11.5, 9.5, {}};
   Sample rounded = Blank(k), other = Blank(k);
   for (std::size_t i = 0; i < rounded.depth.size(); ++i) {
-    // As a sensor's noise rounds (render/noise_kernels.inc), up to what int16 holds.
+    // As a sensor's noise rounds (render/noise.cc), up to what int16 holds.
     rounded.depth[i] = std::nearbyintf(static_cast<float>(i) * 68.4F) * 0.001F;
     other.depth[i] = static_cast<float>(i) * 0.0123F;
     rounded.labels[i] = static_cast<std::uint8_t>(i % 256);

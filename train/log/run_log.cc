@@ -21,12 +21,6 @@ namespace {
 using nlohmann::json;
 namespace fs = std::filesystem;
 
-/// Keys in which the runs of a group may differ.
-const std::set<std::string>& KeysWithin() {
-  static const std::set<std::string> keys = {"run.seed"};
-  return keys;
-}
-
 /// Finds the runs in and below a folder. `passed_over` receives those that cannot be read, with the
 /// reason; the others are found all the same.
 void FindRuns(const fs::path& dir, bool below, std::vector<fs::path>* found,
@@ -131,7 +125,7 @@ std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs) {
     return found == run.config.end() ? std::string() : found->second;
   };
   for (const std::string& key : keys) {
-    if (KeysWithin().count(key) > 0) continue;
+    if (key == "run.seed") continue;  // in this the runs of a group may differ
     for (const LoggedRun& run : runs) {
       if (value(run, key) != value(runs.front(), key)) differing.insert(key);
     }

@@ -13,11 +13,8 @@
 #include "core/base/file_util.h"
 
 namespace volalign {
-namespace {
 
 using nlohmann::json;
-
-}  // namespace
 
 JsonlSink::JsonlSink(const std::filesystem::path& path, std::int64_t samples)
     : path_(path.string()) {

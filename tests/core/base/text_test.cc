@@ -396,25 +396,16 @@ TEST(RandomStream, ChanceHasItsProbability) {
   }
 }
 
-// Moments of N(0, 1): E x^k = 0, 1, 0, 3, 0, 15; the variance of x^k is E x^2k - (E x^k)^2.
-TEST(RandomStream, NormalHasTheMomentsOfTheNormalLaw) {
+TEST(RandomStream, NormalHasTheNormalLaw) {
   constexpr int kDraws = 200000;
   RandomStream stream(3, 4, "normal");
-  double moments[5] = {};
   double neighbours = 0, last = stream.Normal();
   std::vector<double> values;
   for (int i = 0; i < kDraws; ++i) {
-    const double x = stream.Normal();
-    ASSERT_TRUE(std::isfinite(x));
-    for (int k = 1; k < 5; ++k) moments[k] += std::pow(x, k) / kDraws;
-    neighbours += x * last / kDraws;
-    last = x;
-    values.push_back(x);
+    values.push_back(stream.Normal());
+    neighbours += values.back() * last / kDraws;
+    last = values.back();
   }
-  EXPECT_NEAR(moments[1], 0, 4.5 * std::sqrt(1.0 / kDraws));
-  EXPECT_NEAR(moments[2], 1, 4.5 * std::sqrt(2.0 / kDraws));
-  EXPECT_NEAR(moments[3], 0, 4.5 * std::sqrt(15.0 / kDraws));
-  EXPECT_NEAR(moments[4], 3, 4.5 * std::sqrt(96.0 / kDraws));
   EXPECT_NEAR(neighbours, 0, 4.5 / std::sqrt(kDraws));
   // Kolmogorov-Smirnov against the normal distribution function.
   std::sort(values.begin(), values.end());
@@ -431,36 +422,15 @@ TEST(RandomStream, NormalTakesMeanAndSigma) {
   for (int i = 0; i < 10; ++i) EXPECT_DOUBLE_EQ(a.Normal(2, 0.5), 2 + 0.5 * b.Normal());
 }
 
-constexpr int kWidth = 77, kHeight = 9, kPixels = kWidth * kHeight;
-
-TEST(FieldLoops, DrawTheNumbersOfPixelRandom) {
+TEST(PixelRandom, DrawsManyNumbersAsOneByOne) {
   RandomStream stream(3, 4, "test");
   const PixelRandom pixel(stream);
-  const KernelSets<FieldLoops>& all = AllFieldLoops();
-  for (int set = 0; set < all.count; ++set) {
-    std::vector<float> uniform(kPixels), normal(kPixels);
-    all.sets[set].uniform(pixel.key(), 1000, kPixels, uniform.data());
-    all.sets[set].normal(pixel.key(), 1000, kPixels, normal.data());
-    for (std::size_t i = 0; i < kPixels; ++i) {
-      ASSERT_EQ(uniform[i], pixel.Uniform(1000 + i)) << set;
-      ASSERT_EQ(normal[i], pixel.Normal(1000 + i)) << set;
-    }
-  }
-}
-
-TEST(FieldLoops, GiveTheSameByEveryInstructionSet) {
-  const KernelSets<FieldLoops>& all = AllFieldLoops();
-  for (const int width : {1, 2, 33, kWidth}) {
-    for (const double correlation : {1.0, 4.7, 60.0}) {
-      std::vector<Image<float>> fields, smooth;
-      for (int set = 0; set < all.count; ++set) {
-        RandomStream random(3, 4, "test");
-        fields.push_back(SmoothField(width, kHeight, correlation, random, all.sets[set]));
-        smooth.push_back(fields.back());
-        SmoothUnitNoise(1.2, 0.9, &smooth.back(), all.sets[set]);
-        EXPECT_TRUE(fields.back() == fields[0] && smooth.back() == smooth[0]) << set;
-      }
-    }
+  std::vector<float> uniform(693), normal(693);
+  pixel.Uniforms(1000, 693, uniform.data());
+  pixel.Normals(1000, 693, normal.data());
+  for (std::size_t i = 0; i < uniform.size(); ++i) {
+    ASSERT_EQ(uniform[i], pixel.Uniform(1000 + i));
+    ASSERT_EQ(normal[i], pixel.Normal(1000 + i));
   }
 }
 

@@ -133,6 +133,7 @@ TEST(IntrinsicsPool, ReadsTheShippedPool) {
   EXPECT_TRUE(pool[4].intrinsics[2] == azure);
 }
 
+// config_test has what every reader rejects.
 TEST(IntrinsicsPool, RejectsBadFiles) {
   const TempFolder folder;
   const std::string path = (folder / "pool.yaml").string();
@@ -143,18 +144,10 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
   };
   const std::string head = "- sensor: a\n  resolution: [640, 480]\n  intrinsics:\n";
   expect_bad("", {path});
-  expect_bad("[]", {path});
-  expect_bad("just words", {path});
-  expect_bad("a: 1", {path});
-  expect_bad("- sensor: [", {path});
   expect_bad("- resolution: [640, 480]\n  intrinsics: [[1, 1, 1, 1]]\n", {path});
-  expect_bad("- sensor: a\n  intrinsics: [[1, 1, 1, 1]]\n", {path});
-  expect_bad("- sensor: a\n  resolution: [640]\n  intrinsics: [[1, 1, 1, 1]]\n",
-             {path + ":2", "resolution = [640] has 1 values; 2 are expected"});
   expect_bad("- sensor: a\n  resolution: [640, 480]\n", {path, "'intrinsics' is missing"});
   expect_bad(head + "    - [600, 600, 320]\n",
              {path + ":4", "intrinsics[0] = [600, 600, 320] has 3 values; 4"});
-  expect_bad(head + "    - [600, 600, 320, 240]\n    - [600, wide, 320, 240]\n", {path + ":5"});
   expect_bad(head + "    - [0, 600, 320, 240]\n", {path + ":4", "fx = 0"});
   expect_bad(head + "    - [600, 600, 3200, 240]\n", {path + ":4", "principal point"});
   expect_bad("- sensor: a\n  resolution: [-640, 480]\n  intrinsics: [[600, 600, 320, 240]]\n",
@@ -163,13 +156,9 @@ TEST(IntrinsicsPool, RejectsBadFiles) {
       "- sensor: a\n  resolution: [640, 480]\n  distortion: [0.1, 0.2]\n  intrinsics:\n"
       "    - [600, 600, 320, 240]\n",
       {path + ":5", "2 distortion coefficients", "0, 4, 5 or 8"});
-  expect_bad("- sensor: a\n  resolution: [640, 480]\n  distortion: strong\n",
-             {path + ":3", "distortion = 'strong' is not a finite number"});
   const std::string good = head + "    - [600, 600, 320, 240]\n";
-  expect_bad(good + "  distorsion: [0.1]\n", {"'distorsion'", path + ":5"});
   expect_bad(good + "  resolutions: [640, 480]\n",
              {"'resolutions'", path + ":5", "did you mean 'resolution'?"});
-  expect_bad(good + "  sensor: b\n", {"'sensor' stands twice", path + ":5"});
   ExpectError<IoError>([&] { ReadIntrinsicsPool((folder / "missing.yaml").string()); },
                        {"missing.yaml"});
 }

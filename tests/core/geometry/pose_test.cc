@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 #include <vector>
 
 #include "core/base/error.h"
@@ -235,15 +234,9 @@ Points RandomPoints(RandomStream& random, int n, const Vector3d& spread = {1, 1,
   return points;
 }
 
-/// Rotation of a random unit quaternion, written out (no Eigen::Geometry on the way).
 Pose RandomPose(RandomStream& random) {
-  Eigen::Vector4d q{random.Normal(), random.Normal(), random.Normal(), random.Normal()};
-  q.normalize();
-  const double w = q[0], x = q[1], y = q[2], z = q[3];
   Pose pose = Pose::Identity();
-  pose.linear() << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-      2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), 2 * (x * z - w * y),
-      2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
+  pose.linear() = SeriesExp(RandomVector(random));
   pose.translation() = 3 * RandomVector(random);
   return pose;
 }
@@ -402,30 +395,22 @@ LabelImage RandomLabels(RandomStream& random, int width, int height, int classes
   return image;
 }
 
-/// Sets of pixels per class, intersected and united as the definition says.
+/// Pixels of each class in both and in either, as the definition says.
 double BruteForceIou(const LabelImage& a, const LabelImage& b, const DepthImage& depth, int classes,
                      bool absent_counts) {
-  std::vector<double> ious;
+  double sum = 0, count = 0;
   for (int k = 0; k < classes; ++k) {
-    std::set<std::size_t> in_a, in_b, both, either;
+    double both = 0, either = 0;
     for (std::size_t i = 0; i < a.size(); ++i) {
       if (!depth.empty() && depth[i] <= 0) continue;
-      if (a[i] == k) in_a.insert(i);
-      if (b[i] == k) in_b.insert(i);
+      both += a[i] == k && b[i] == k;
+      either += a[i] == k || b[i] == k;
     }
-    std::set_intersection(in_a.begin(), in_a.end(), in_b.begin(), in_b.end(),
-                          std::inserter(both, both.end()));
-    std::set_union(in_a.begin(), in_a.end(), in_b.begin(), in_b.end(),
-                   std::inserter(either, either.end()));
-    if (!either.empty()) {
-      ious.push_back(static_cast<double>(both.size()) / static_cast<double>(either.size()));
-    } else if (absent_counts) {
-      ious.push_back(1);
-    }
+    if (either == 0 && !absent_counts) continue;
+    sum += either == 0 ? 1 : both / either;
+    ++count;
   }
-  double sum = 0;
-  for (const double x : ious) sum += x;
-  return ious.empty() ? 1 : sum / static_cast<double>(ious.size());
+  return count == 0 ? 1 : sum / count;
 }
 
 TEST(MeanIou, AgreesWithBruteForce) {

@@ -233,43 +233,22 @@ TEST(Structure, CoversToAMillimetre) {
   EXPECT_NEAR(exposed(0.002), 1, 1e-12);
 }
 
-TEST(Structure, OneBox) {
-  const Structure structure = Structure::FromBoxes("one", {UnitBox("box")});
-  EXPECT_EQ(structure.num_classes(), 6);
-  EXPECT_EQ(structure.SideNames(),
-            (std::vector<std::string>{"box/front", "box/back", "box/up", "box/right", "box/left"}));
-  for (const Side& side : structure.sides()) {
-    EXPECT_NEAR(side.exposed_area, 1, 1e-12);
-    EXPECT_LT((side.exposed_centroid - side.centre).norm(), 1e-12);
-  }
-}
-
-TEST(Structure, TwelveBoxes) {
+TEST(Structure, ARowOfBoxesHasFiveLabelsEachUpTo255) {
   std::vector<Box> boxes;
-  for (int b = 0; b < 12; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), b));
+  for (int b = 0; b < 51; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), b));
   const Structure structure = Structure::FromBoxes("row", boxes);
-  EXPECT_EQ(structure.num_classes(), 61);
+  EXPECT_EQ(structure.num_classes(), 256);
   std::set<int> labels;
   for (const Side& side : structure.sides()) {
     if (side.face != Face::kDown) labels.insert(side.label);
+    // Neighbours hide each other's front and back.
+    const bool hidden =
+        (side.face == Face::kFront && side.box < 50) || (side.face == Face::kBack && side.box > 0);
+    EXPECT_NEAR(side.exposed_area, hidden ? 0 : 1, 1e-12) << side.name;
+    EXPECT_LT((side.exposed_centroid - side.centre).norm(), 1e-12) << side.name;
   }
-  EXPECT_EQ(labels.size(), 60u);
-  EXPECT_EQ(*labels.begin(), 1);
-  EXPECT_EQ(*labels.rbegin(), 60);
-  // Neighbours hide each other's front and back.
-  EXPECT_NEAR(SideNamed(structure, "b3/front").exposed_area, 0, 1e-12);
-  EXPECT_EQ(SideNamed(structure, "b3/front").exposed_centroid,
-            SideNamed(structure, "b3/front").centre);
-  EXPECT_NEAR(SideNamed(structure, "b0/back").exposed_area, 1, 1e-12);
-}
-
-TEST(Structure, LabelsEndAt255) {
-  std::vector<Box> boxes;
-  for (int b = 0; b < 51; ++b) boxes.push_back(UnitBox("b" + std::to_string(b), 2 * b));
-  const Structure structure = Structure::FromBoxes("row", boxes);
-  EXPECT_EQ(structure.num_classes(), 256);
+  EXPECT_EQ(labels.size(), 255u);
   EXPECT_EQ(structure.SideOfLabel(255).name, "b50/left");
-  EXPECT_EQ(structure.SideOfLabel(255).label, 255);
   boxes.push_back(UnitBox("b51", -5));
   ExpectError<DataError>([&] { Structure::FromBoxes("row", boxes); }, {"52 boxes", "51"});
 }
@@ -481,42 +460,26 @@ TEST_F(StructureYaml, LabelsAndNameAreOptional) {
   EXPECT_EQ(named.SideOfLabel(5).name, "a/right");
 }
 
+// config_test has what every reader rejects.
 TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("", {"key 'boxes' is missing", path_});
   ExpectBad("[1, 2]", {path_, "map"});
-  ExpectBad("boxes: 3", {path_ + ":1", "boxes wants a list of maps"});
   ExpectBad("boxes: []", {path_, "at least one box"});
-  ExpectBad("boxes: [", {path_});
   ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "unknown key 'colour'"});
-  ExpectBad("boxes:\n" + box_ + "boxes:\n" + box_, {path_ + ":3", "twice"});
-  ExpectBad("boxes:\n  - a box\n", {path_ + ":1", "list of maps"});
   ExpectBadBox("name: a, x: [0, 10], y: [0, 20]", "'boxes[0].z' is missing");
   ExpectBadBox("x: [0, 10], y: [0, 20], z: [0, 30]", "'boxes[0].name' is missing");
   ExpectBadBox("name: a, x: [0, 10], y: [20, 0], z: [0, 30]",
                "boxes[0].y = [20, 0] of box 'a' violates min < max");
-  ExpectBadBox("name: a, x: [0, 10], y: [0, 0], z: [0, 30]", "boxes[0].y");
-  ExpectBadBox("name: a, x: [0, .nan], y: [0, 10], z: [0, 30]", "boxes[0].x");
-  ExpectBad("boxes:\n  - {name: a, x: [0, .inf], y: [0, 1], z: [0, 30]}\n", {path_});
   ExpectBadBox("name: a, x: [0, 10, 20], y: [0, 1], z: [0, 30]",
                "boxes[0].x = [0, 10, 20] has 3 values; 2 are expected");
-  ExpectBadBox("name: a, x: [0, ten], y: [0, 1], z: [0, 30]",
-               "boxes[0].x = 'ten' is not a finite number");
   ExpectBad("boxes:\n  - name: a\n    x: [0, 10]\n    y: [0, 10]\n    z: [0 500]\n",
             {path_ + ":5", "boxes[0].z = [0 500]", "commas"});
-  ExpectBadBox("name: [a], x: [0, 1], y: [0, 1], z: [0, 30]", "boxes[0].name wants a single value");
-  ExpectBadBox("name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: 20deg",
-               "boxes[0].yaw_deg = '20deg'");
-  ExpectBad("boxes:\n  - {name: a, x: [0, 1], y: [0, 1], z: [0, 1], yaw: 3}\n",
-            {path_ + ":2", "'boxes[0].yaw'", "did you mean 'boxes[0].yaw_deg'?"});
-  ExpectBadBox("name: a, x: [0, 10], y: [0, 10], z: [0, 10], yaw_deg: .nan",
-               "boxes[0].yaw_deg = '.nan'");
   ExpectBad("boxes:\n  - {name: a, x: [0, 0.5], y: [0, 0.3], z: [0, 0.4]}\n",
             {path_, "'a' is 0.5 x 0.3 x 0.4 mm", "millimetres"});
   ExpectBad(
       "boxes:\n  - {name: a, x: [0, 2e8], y: [0, 2e8], z: [0, 2e8]}\n"
       "  - {name: b, x: [0, 2e8], y: [2e8, 4e8], z: [0, 2e8], yaw_deg: 20}\n",
       {path_, "'a'", "100 m"});
-  ExpectBad("name: " + std::string(300, '[') + std::string(300, ']'), {path_, "64 levels"});
   ExpectBad("boxes:\n" + box_ + box_, {path_, "two boxes are named 'a'"});
   ExpectBad("boxes:\n" + box_ + "sides: {front: +z}\n",
             {path_ + ":3", "sides.front = +z violates sides.front in {+x}"});
@@ -524,10 +487,6 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 2, side: a/up}\n", {path_ + ":4", "label id 2"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/down}\n", {path_, "'a/down'"});
   ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up}\n", {path_, "has no label"});
-  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: one, side: a/up}\n",
-            {path_ + ":4", "labels[0].id = 'one'"});
-  ExpectBad("boxes:\n" + box_ + "labels:\n  - {id: 1, side: a/up, colour: 3}\n",
-            {path_ + ":4", "colour"});
   std::string many = "boxes:\n";
   for (int b = 0; b < 52; ++b)
     many += "  - {name: b" + std::to_string(b) + ", x: [0, 10], y: [0, 20], z: [0, 30]}\n";

@@ -217,15 +217,6 @@ TEST(CastView, AgreesWithTriangles) {
   EXPECT_GT(downs, 100);
 }
 
-// Near the floor, two overhangs show their `down` sides: solid, and background.
-TEST(CastView, OverhangsFromBelow) {
-  const Intrinsics intrinsics{64, 48, 50, 50, 31.5, 23.5, {}};
-  int hits = 0, downs = 0;
-  ExpectViewAsTriangles(PaperStructure(), intrinsics, LookAt({-1.2, -0.75, 0.2}, {-0.3, 0, 0}, 0),
-                        &hits, &downs);
-  EXPECT_GT(downs, 20);
-}
-
 // Within the bounding sphere, and away from the structure, the quick rejection must not lie.
 TEST(CastView, CloseUpAndLookingAway) {
   const Intrinsics intrinsics{40, 30, 20, 20, 19.5, 14.5, {}};

@@ -132,27 +132,11 @@ TEST(JsonArchive, ReadsBackWhatItWrote) {
   const Thing thing = Full();
   const std::string text = WriteDescribed(thing, "t.json", 1);
   Thing read = ReadDescribed<Thing>(text, "t.json");
-  EXPECT_EQ(read.title, thing.title);
-  EXPECT_TRUE(read.flag);
-  EXPECT_EQ(read.count, thing.count);
+  EXPECT_EQ(nlohmann::json::parse(WriteDescribed(read, "t.json", 1)), nlohmann::json::parse(text));
   EXPECT_EQ(read.seed, thing.seed);
-  EXPECT_EQ(read.colour, thing.colour);
-  EXPECT_EQ(read.second, thing.second);
-  EXPECT_EQ(read.note, thing.note);
-  EXPECT_EQ(read.files, thing.files);
-  EXPECT_EQ(read.gain, thing.gain);
-  EXPECT_LT((read.pose.matrix() - thing.pose.matrix()).norm(), 1e-12);
-  EXPECT_EQ(read.vector, thing.vector);
-  EXPECT_EQ(read.matrix, thing.matrix);
+  EXPECT_EQ(read.offset, thing.offset);
   ASSERT_EQ(read.parts.size(), 2u);
   EXPECT_EQ(read.parts[1].name, "z");  // alphabetical order
-  EXPECT_EQ(read.parts[1].error->rotation_deg, 2);
-  EXPECT_EQ(read.parts[0].size_m, 1e-300);
-  EXPECT_FALSE(read.parts[0].error.has_value());
-  EXPECT_EQ(read.laps.size(), 2u);
-  EXPECT_EQ(read.counts, thing.counts);
-  EXPECT_EQ(read.offset, thing.offset);
-  EXPECT_EQ(read.spans, thing.spans);
   EXPECT_EQ(read.intrinsics, thing.intrinsics);
   // An absent key takes a value back, where one was optional, and keeps it, where it came later.
   auto json = nlohmann::json::parse(text);

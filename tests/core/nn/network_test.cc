@@ -53,9 +53,10 @@ TEST(StructureNet, HasTheParametersOfTheClosedForm) {
       options.base_channels = c;
       options.attention = attention;
       const StructureNet net(options);
-      EXPECT_EQ(CountParameters(*net), ClosedFormParameters(c, 21, 4, attention)) << c;
-      const double millions = static_cast<double>(CountParameters(*net)) * 1e-6;
-      EXPECT_NEAR(millions, c == 32 ? 49.3 : 3.1, 0.05);
+      std::int64_t values = 0;
+      for (const at::Tensor& p : net->parameters()) values += p.numel();
+      EXPECT_EQ(values, ClosedFormParameters(c, 21, 4, attention)) << c;
+      EXPECT_NEAR(1e-6 * static_cast<double>(values), c == 32 ? 49.3 : 3.1, 0.05);
     }
   }
 }
@@ -75,7 +76,6 @@ TEST(StructureNet, NamesEveryParameterAfterItsLayer) {
   }
   EXPECT_EQ(names.count("encoder1_1.bias"), 0u);
   EXPECT_EQ(net->named_buffers().size(), 33u * 2);
-  EXPECT_TRUE(Has(net->prettyString(), "encoder1_2   5x5 2 -> 4"));
 }
 
 TEST(StructureNet, GivesLogProbabilitiesForOddSizes) {

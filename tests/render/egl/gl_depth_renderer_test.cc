@@ -326,9 +326,14 @@ TEST_P(DepthRendererTest, RoundBodiesLieWithinTheirChords) {
 TEST_P(DepthRendererTest, RejectsWhatItCannotDraw) {
   RenderedView view;
   const Intrinsics folded{64, 64, 50, 50, 32, 32, {-20, 0, 0, 0}};
-  EXPECT_THROW(renderer_.Render(SceneMesh(), folded, Pose::Identity(), &view), DataError);
-  const Intrinsics empty{0, 64, 50, 50, 32, 32, {}};
-  EXPECT_THROW(renderer_.Render(SceneMesh(), empty, Pose::Identity(), &view), Error);
+  const Intrinsics empty{0, 64, 50, 50, 32, 32, {}}, good{64, 64, 50, 50, 32, 32, {}};
+  SceneMesh many;
+  many.faces.resize(65536);
+  for (DepthRenderer* renderer : std::initializer_list<DepthRenderer*>{&gl_, &tiles_}) {
+    EXPECT_THROW(renderer->Render(SceneMesh(), folded, Pose::Identity(), &view), DataError);
+    EXPECT_THROW(renderer->Render(SceneMesh(), empty, Pose::Identity(), &view), Error);
+    EXPECT_THROW(renderer->Render(many, good, Pose::Identity(), &view), Error);
+  }
 }
 
 // In place of a device that is reset, which a test cannot do: OpenGL's answer after that.

@@ -8,7 +8,6 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "render/sample.h"
 #include "tests/core/base/pixels.h"
@@ -144,18 +143,6 @@ TEST(TileRendererTest, WhatIsInAnyCornerIsSeen) {
       }
     }
   }
-}
-
-TEST(TileRendererTest, RejectsWhatItCannotDraw) {
-  TileRenderer renderer;
-  RenderedView view;
-  const Intrinsics folded{64, 64, 50, 50, 32, 32, {-20, 0, 0, 0}};
-  EXPECT_THROW(renderer.Render(SceneMesh(), folded, Pose::Identity(), &view), DataError);
-  const Intrinsics empty{0, 64, 50, 50, 32, 32, {}};
-  EXPECT_THROW(renderer.Render(SceneMesh(), empty, Pose::Identity(), &view), Error);
-  SceneMesh many;
-  many.faces.resize(65536);
-  EXPECT_THROW(renderer.Render(many, kPinhole, Pose::Identity(), &view), Error);
 }
 
 /// Keeps what it draws.

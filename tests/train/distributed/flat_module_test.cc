@@ -18,9 +18,7 @@ TEST(FlatModule, KeepsValuesAndCollectsGradients) {
   std::map<std::string, at::Tensor> before;
   for (const auto& p : net->named_parameters()) before[p.key()] = p.value().detach().clone();
   FlatModule flat(*net);
-  std::int64_t values = 0;
-  for (const at::Tensor& p : flat.tensors()) values += p.numel();
-  EXPECT_EQ(values, CountParameters(*net));
+  EXPECT_EQ(flat.tensors().size(), before.size());
   std::map<std::string, at::Tensor> views;
   flat.AddViews(flat.parameters(), "x/", &views);
   ASSERT_EQ(views.size(), before.size());

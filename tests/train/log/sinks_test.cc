@@ -308,21 +308,5 @@ TEST(BestValidation, IsThatOfTheLargestMiou) {
   EXPECT_EQ(best.value, 0.6);
 }
 
-// By its few lucky poses an early validation must not stay the best.
-TEST(BestValidation, DoesNotGoByThePosesOfFewSamples) {
-  BestValidation best;
-  ValidationResult lucky, good;
-  lucky.samples = good.samples = 192;
-  lucky.posed = 2;
-  lucky.miou = 0.1;
-  lucky.median_translation_error_m = 0.01;
-  good.posed = 180;
-  good.miou = 0.6;
-  good.median_translation_error_m = 0.03;
-  EXPECT_TRUE(best.Note(lucky, 10));
-  EXPECT_TRUE(best.Note(good, 20));
-  EXPECT_EQ(best.samples, 20);
-}
-
 }  // namespace
 }  // namespace volalign::sinks_test
