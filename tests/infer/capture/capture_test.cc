@@ -238,8 +238,8 @@ std::string UncalibratedBag() {
                             Block(std::string(24, '\1'));
   const std::string camera =
       header + size + Block("plumb_bob") + Bytes<std::uint32_t>(0) + std::string(30 * 8, '\0');
-  return Bag(Chunk(Topic(0, "/d/image", "sensor_msgs/Image", image) +
-                   Topic(1, "/d/camera_info", "sensor_msgs/CameraInfo", camera)));
+  return Bag(Chunk(Records({{"/d/image", "sensor_msgs/Image", image},
+                            {"/d/camera_info", "sensor_msgs/CameraInfo", camera}})));
 }
 
 // What the capture says is not asked of the recording; a convention is no statement.

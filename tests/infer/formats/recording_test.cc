@@ -1,7 +1,6 @@
 #include "infer/formats/recording.h"
 
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 
 #include <cmath>
 #include <cstdint>
@@ -23,6 +22,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/formats/bag_writer.h"
+#include "tests/infer/formats/write_database.h"
 
 // Recordings that other programs wrote: realsense.bag by librealsense 2.56's recorder from a
 // software device, realsense.db3 by that of 2.59, kinect.mkv by ffmpeg and mkvmerge
@@ -94,17 +94,6 @@ TEST(RecordingTest, DamagedDb3) {
   ExpectError<DataError>([&] { ReadRecording(folder / "png.db3", 3); }, {"png.db3"});
 }
 
-/// A bag that holds what the statements make of it.
-std::string Db3Of(const TempFolder& folder, const std::string& sql) {
-  std::string path = (folder / "made.db3").string();
-  std::filesystem::remove(path);
-  sqlite3* database = nullptr;
-  EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
-  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(database);
-  return path;
-}
-
 constexpr char kTopics[] =
     "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT);"
     "INSERT INTO topics VALUES(1, '/depth', 'sensor_msgs/msg/Image', 'cdr');";
@@ -114,12 +103,12 @@ constexpr char kMessages[] =
 // What a bag says is data, never a part of a statement.
 TEST(RecordingTest, Db3WithAStatementForAnId) {
   const TempFolder folder;
-  const std::string path = Db3Of(
+  const std::string path = WriteDatabase(
       folder, std::string(kMessages) +
                   "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
                   "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
                   "'sensor_msgs/msg/Image', 'cdr');");
-  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"made.db3", "topic", "id"});
+  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"a.db3", "topic", "id"});
 }
 
 // A view runs what it likes, for ever; a table's column may be made up, too.
@@ -129,8 +118,8 @@ TEST(RecordingTest, Db3OfViews) {
       "CREATE VIEW messages(id, topic_id, timestamp, data) AS WITH RECURSIVE n(i) AS "
       "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, 2, i, 'x' FROM n;";
   const auto expect = [&](const std::string& sql, std::initializer_list<std::string> parts) {
-    const std::string file = Db3Of(folder, sql);
-    EXPECT_TRUE(Has(ExpectError<DataError>([&] { ReadRecording(file, 3); }, parts), "made.db3"));
+    const std::string file = WriteDatabase(folder, sql);
+    EXPECT_TRUE(Has(ExpectError<DataError>([&] { ReadRecording(file, 3); }, parts), "a.db3"));
   };
   expect(std::string(kTopics) + kForEver, {"table messages"});
   expect(std::string(kMessages) +
@@ -148,17 +137,17 @@ TEST(RecordingTest, Db3HasLimits) {
   const TempFolder folder;
   std::string sql = std::string(kTopics) + kMessages + "BEGIN;";
   for (int i = 0; i < 1000; ++i) sql += "INSERT INTO messages VALUES(1, 2, 3, 'x');";
-  const std::string many = Db3Of(folder, sql + "COMMIT;");
+  const std::string many = WriteDatabase(folder, sql + "COMMIT;");
   const auto read = [&](std::uint64_t steps) {
     ReadBudget budget(steps);
-    return ReadRos2Recording(many, "made.db3", 3, &budget);
+    return ReadRos2Recording(many, "a.db3", 3, &budget);
   };
   EXPECT_TRUE(read(1000000).streams.empty());
-  ExpectError<DataError>([&] { read(2000); }, {"made.db3", "interrupted"});
+  ExpectError<DataError>([&] { read(2000); }, {"a.db3", "interrupted"});
   sql = std::string(kTopics) + kMessages + "BEGIN;";
   for (int i = 0; i < 1000; ++i) sql += "INSERT INTO topics VALUES(1, '/a', 'b', 'cdr');";
-  const std::string topics = Db3Of(folder, sql + "COMMIT;");
-  ExpectError<DataError>([&] { ReadRecording(topics, 3); }, {"made.db3", "1000 topics"});
+  const std::string topics = WriteDatabase(folder, sql + "COMMIT;");
+  ExpectError<DataError>([&] { ReadRecording(topics, 3); }, {"a.db3", "1000 topics"});
 }
 
 TEST(RecordingTest, AzureKinectMkv) {
