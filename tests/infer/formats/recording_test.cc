@@ -78,16 +78,10 @@ TEST(RecordingTest, RealSenseBag) { ExpectRealSense(kBag); }
 
 TEST(RecordingTest, RealSenseDb3) { ExpectRealSense(kDb3); }
 
-// Of a bag whose pages are cut off, and of a database that is none.
 TEST(RecordingTest, DamagedDb3) {
   const TempFolder folder;
-  const std::string bytes = ReadFile(kDb3);
-  for (const std::size_t size : {std::size_t{50}, std::size_t{5000}, bytes.size() / 2}) {
-    WriteFileAtomically(folder / "cut.db3", bytes.substr(0, size));
-    ExpectError<DataError>([&] { ReadRecording(folder / "cut.db3", 3); }, {"cut.db3"});
-  }
   // The images' PNG begins after a header of twelve bytes.
-  std::string other = bytes;
+  std::string other = ReadFile(kDb3);
   const std::string png = "\x89PNG";
   for (std::size_t at = 0; (at = other.find(png, at)) != std::string::npos; ++at) other[at] = 'x';
   WriteFileAtomically(folder / "png.db3", other);
@@ -349,8 +343,6 @@ TEST(RecordingTest, DamagedRecordings) {
     EXPECT_GT(errors, 0);
     EXPECT_GT(reads, 10);
   }
-  WriteFileAtomically(folder / "no.bag", "#ROSBAG V1.2\n");
-  ExpectError<DataError>([&] { ReadRecording(folder / "no.bag", 1); }, {"no.bag", "2.0"});
   ExpectError<IoError>([&] { ReadRecording(folder / "none.bag", 1); }, {"none.bag"});
 }
 
@@ -413,7 +405,7 @@ TEST(RosBag, SaysWhatIsDamaged) {
   const auto open = [&](const std::string& bytes) {
     RosBag(folder.Write("d.bag", bytes), "d.bag", &budget);
   };
-  EXPECT_THROW(open("#ROSBAG V1.2\n"), DataError);
+  ExpectError<DataError>([&] { open("#ROSBAG V1.2\n"); }, {"d.bag", "2.0"});
   EXPECT_THROW(open("#ROSBAG V2.0\n" + Chunk("")), DataError);
   EXPECT_THROW(RosBag(folder / "none.bag", "none.bag", &budget), IoError);
 }
