@@ -151,24 +151,10 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     }
   }
   const auto residuals_after = [&](const Named& parameter, double step) {
-    const State before = state;
-    parameter.move(&state, step);
+    parameter.move(&state, step);  // in the memory that Ceres refers to
     std::vector<double> residuals;
     EXPECT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr));
-    // Into the memory that Ceres refers to.
-    std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
-    std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
-    std::copy(before.errors.begin(), before.errors.end(), state.errors.begin());
-    std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
-    std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
-    for (std::size_t still = 0; still < 2; ++still) {
-      std::copy(before.boxes[still].begin(), before.boxes[still].end(), state.boxes[still].begin());
-      std::copy(before.bulges[still].begin(), before.bulges[still].end(),
-                state.bulges[still].begin());
-    }
-    state.size = before.size;
-    state.world = before.world;
-    state.world_scale = before.world_scale;
+    parameter.move(&state, -step);
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
   };
