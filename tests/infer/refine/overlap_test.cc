@@ -94,22 +94,6 @@ TEST(FindShared, CountsWhatBothSee) {
   EXPECT_TRUE(far.IsPair(0.05));
 }
 
-TEST(FindShared, OfNeighboursOnARing) {
-  const testing_infer::Rig rig = testing_infer::RingOfEight();
-  const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
-  std::vector<std::vector<int>> chosen;
-  std::vector<OverlapEnd> views;
-  for (std::size_t i = 0; i < 2; ++i)
-    chosen.push_back(
-        ChooseOverlapPoints(rig.structure, points[i], *rig.frames[i].ground_truth, 700, true));
-  for (std::size_t i = 0; i < 2; ++i)
-    views.push_back({&points[i], &chosen[i], {*rig.frames[i].ground_truth, 0, 0}});
-  const SharedPoints shared = FindShared(views[0], views[1], 0.02, 0.94);
-  EXPECT_TRUE(shared.IsPair(0.05));
-  EXPECT_GT(shared.overlap, 0.3);
-  EXPECT_LT(shared.rms(), 1e-3);
-}
-
 TEST(ChooseOverlapPoints, TakesHalfFromAroundTheStructure) {
   const Structure structure = testing_infer::PaperStructure();
   std::vector<CloudPoint> cloud;

@@ -69,6 +69,10 @@ struct TwoStills {
     posterior.covariance = root * root.transpose();
   }
 
+  void ForgetDepthErrors() {
+    agreed.solution.state.offsets.assign(4, 0);
+    agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  }
   RefineResult Result() const {
     RefineResult result = MakeResult(*problem, agreed, lenses.size());
     AddUncertainties(*problem, agreed, unsolved, posterior, &result);
@@ -240,8 +244,7 @@ TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
 // Both stills show the same: each has the pair of its own frames, alike, and none across.
 TEST(MakeResult, PairsAreOfOneStill) {
   TwoStills two;
-  two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   const std::vector<RefinedPair> pairs = two.Result().pairs;
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(std::make_pair(pairs[0].a, pairs[0].b), std::make_pair(0, 1));
@@ -254,8 +257,7 @@ TEST(MakeResult, PairsAreOfOneStill) {
 // that is not of it errs by itself.
 TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   TwoStills two;
-  two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
   difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
@@ -272,8 +274,7 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
 TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   TwoStills two;
   State& state = two.agreed.solution.state;
-  state.offsets.assign(4, 0);
-  state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   for (FrameObservations& observed : two.agreed.solution.observed)
     observed.noise.depth.white_m = observed.noise.depth.smooth_m = 0;
   const ParameterLayout& layout = two.problem->layout;
