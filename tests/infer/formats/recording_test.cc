@@ -297,31 +297,25 @@ TEST(RecordingTest, MkvWithATrackTwice) {
   EXPECT_EQ(ReadMkv(folder, bytes).size(), 1u);
 }
 
-/// Wherever a recording ends or a byte is wrong: an error in one line, or what is left; no crash.
-TEST(RecordingTest, DamagedRecordings) {
+/// Wherever a recording ends: an error in one line, or what it began with. (Of bytes that are
+/// wrong: tests/fuzz.)
+TEST(RecordingTest, RecordingsThatEndTooEarly) {
   const TempFolder folder;
   for (const char* name : {kBag, kMkv, kDb3}) {
     SCOPED_TRACE(name);
     const std::string whole = ReadFile(name);
     const std::vector<RecordedDepth> all = ReadRecording(name, 10);
-    const std::filesystem::path path = folder / "damaged";
-    int errors = 0, reads = 0;
-    const auto read = [&](const std::string& bytes) {
-      WriteFileAtomically(path, bytes, false);
+    int errors = 0;
+    for (std::size_t i = 0; i < 25; ++i) {
+      SCOPED_TRACE(i);
+      folder.Write("damaged", whole.substr(0, whole.size() * i / 25));
       std::vector<RecordedDepth> left;
       try {
-        left = ReadRecording(path, 10);
-        reads += !left.empty();
+        left = ReadRecording(folder / "damaged", 10);
       } catch (const Error& error) {
         EXPECT_FALSE(Has(error.what(), "\n"));
         ++errors;
       }
-      return left;
-    };
-    // What is left of one that ends too early is what it began with.
-    for (std::size_t i = 0; i < 25; ++i) {
-      SCOPED_TRACE(i);
-      const std::vector<RecordedDepth> left = read(whole.substr(0, whole.size() * i / 25));
       ASSERT_LE(left.size(), all.size());
       for (std::size_t k = 0; k < left.size(); ++k) {
         EXPECT_EQ(left[k].stream, all[k].stream);
@@ -331,17 +325,6 @@ TEST(RecordingTest, DamagedRecordings) {
       }
     }
     EXPECT_GT(errors, 0);
-    errors = reads = 0;
-    for (std::size_t i = 0; i < 75; ++i) {
-      std::string bytes = whole;
-      bytes[(i * i * 7 + 13 * i) % std::min<std::size_t>(bytes.size(), 6000)] =
-          static_cast<char>(i % 3 == 0   ? 0xff
-                            : i % 3 == 1 ? 0
-                                         : i * 37);
-      for (const RecordedDepth& depth : read(bytes)) EXPECT_LE(depth.frames.size(), 10u) << i;
-    }
-    EXPECT_GT(errors, 0);
-    EXPECT_GT(reads, 10);
   }
   ExpectError<IoError>([&] { ReadRecording(folder / "none.bag", 1); }, {"none.bag"});
 }
