@@ -31,11 +31,7 @@ SensorPoints Wall(double farther) {
   return SensorPoints{{}, {}, SampledCloud(cloud)};
 }
 
-FrameState At(double x) {
-  Pose pose = Pose::Identity();
-  pose.translation().x() = x;
-  return {pose, 0, 0};
-}
+FrameState At(double x) { return {Pose(Eigen::Translation3d(x, 0, 0)), 0, 0}; }
 
 std::vector<int> All(const SensorPoints& points) {
   std::vector<int> all(points.cloud.points().size());

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -143,17 +142,12 @@ TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
       joint.bottomLeftCorner<6, 6>() = two.posterior.covariance.block<6, 6>(place, pose);
     }
     EXPECT_TRUE(frame.covariance.isApprox(joint.topLeftCorner<6, 6>(), 1e-9));
-    const Eigen::LDLT<Eigen::MatrixXd> ldlt(joint);
-    const Eigen::MatrixXd root = ldlt.transpositionsP().transpose() *
-                                 Eigen::MatrixXd(ldlt.matrixL()) *
-                                 ldlt.vectorD().cwiseMax(0).cwiseSqrt().asDiagonal();
+    const Eigen::MatrixXd root = testing_infer::RootOf(joint);
     RandomStream random(i, 0, "draws");
     constexpr int kDraws = 20000;
     Matrix6d sum = Matrix6d::Zero();
     for (int k = 0; k < kDraws; ++k) {
-      Eigen::VectorXd normal(12);
-      for (Eigen::Index j = 0; j < 12; ++j) normal[j] = random.Normal();
-      const Eigen::VectorXd drawn = root * normal;
+      const Eigen::VectorXd drawn = root * testing_infer::WhiteNoise(12, random);
       const Pose product = PerturbLeft(drawn.tail<6>(), placement) *
                            PerturbLeft(drawn.head<6>(), frame.structure_from_sensor);
       const Vector6d delta = LeftDifference(frame.first_from_sensor, product);

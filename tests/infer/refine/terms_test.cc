@@ -2,7 +2,6 @@
 
 #include <ceres/cost_function.h>
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include <array>
 #include <cmath>
@@ -654,18 +653,13 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
       correlation(i, j) = Matern(clean.faces[static_cast<std::size_t>(i)].p,
                                  clean.faces[static_cast<std::size_t>(j)].p, kLength);
   }
-  const Eigen::MatrixXd root = correlation.ldlt().transpositionsP().transpose() *
-                               (Eigen::MatrixXd(correlation.ldlt().matrixL()) *
-                                correlation.ldlt().vectorD().cwiseMax(0).cwiseSqrt().asDiagonal());
-  ASSERT_TRUE((root * root.transpose()).isApprox(correlation, 1e-9));
+  const Eigen::MatrixXd root = testing_infer::RootOf(correlation);
   for (const double sigma : {0.002, 0.008}) {
     double size = 0, length = 0;
     constexpr int kDraws = 12;
     for (int draw = 0; draw < kDraws; ++draw) {
       RandomStream random(3, static_cast<std::uint64_t>(draw), "warp");
-      Eigen::VectorXd white(n);
-      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
-      const Eigen::VectorXd field = root * white;
+      const Eigen::VectorXd field = root * testing_infer::WhiteNoise(n, random);
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
@@ -742,9 +736,8 @@ TEST(FitNoise, FindsTheScaleOfEdges) {
     constexpr int kDraws = 8;
     for (int draw = 0; draw < kDraws; ++draw) {
       RandomStream random(4, static_cast<std::uint64_t>(draw), "edges");
-      Eigen::VectorXd white(n);
-      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
-      const Eigen::VectorXd moved = scale * (clean.edge_root * white);
+      const Eigen::VectorXd moved =
+          scale * (clean.edge_root * testing_infer::WhiteNoise(n, random));
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];
