@@ -98,9 +98,9 @@ std::string Many(const std::vector<T>& values) {
 
 /// What is read of the bytes of a recording.
 std::vector<RecordedDepth> ReadBytes(const std::string& name, const std::string& bytes,
-                                     ReadBudget budget = ReadBudget()) {
+                                     ReadBudget budget = ReadBudget(), int max_frames = 2) {
   const TempFolder folder;
-  return ReadRecording(folder.Write(name, bytes), 2, &budget);
+  return ReadRecording(folder.Write(name, bytes), max_frames, &budget);
 }
 std::vector<RecordedDepth> ReadRecords(const std::string& records,
                                        ReadBudget budget = ReadBudget()) {
@@ -250,8 +250,8 @@ std::string McapChunk(const std::string& records, const std::string& compression
                            Block(compression) + Bytes(std::uint64_t{packed.size()}) + packed);
 }
 
-std::vector<RecordedDepth> ReadMcap(const std::string& records) {
-  return ReadBytes("a.mcap", Mcap(records));
+std::vector<RecordedDepth> ReadMcap(const std::string& records, int max_frames = 2) {
+  return ReadBytes("a.mcap", Mcap(records), ReadBudget(), max_frames);
 }
 
 std::string Hex(const std::string& bytes) {
@@ -719,6 +719,20 @@ TEST(DescribedMcap, ManyStreamsOfLongNames) {
   EXPECT_FALSE(Has(said, "\x1b"));
 }
 
+TEST(DescribedMcap, IsReadUpToTheLastFrameAndItsCamera) {
+  const Topic image = ImageTopic(Ros::k2, "/camera/depth/image_raw"),
+              camera = CameraTopic(Ros::k2, "/camera/depth/camera_info", "camera", 2);
+  const auto chunk = [](const std::string& records, const std::string& compression = "") {
+    return McapChunk(records, compression, records, 0);
+  };
+  for (const auto& topics : {std::vector{image, camera}, std::vector{camera, image}}) {
+    const std::string first = McapRecords({topics[0]}, "cdr"), both = McapRecords(topics, "cdr");
+    const auto streams =
+        ReadMcap(chunk(first) + chunk(both.substr(first.size())) + chunk("unknown", "brotli"), 1);
+    EXPECT_TRUE(streams.at(0).intrinsics);
+  }
+}
+
 TEST(DescribedMcap, DamagedOrUnknown) {
   const std::string records = McapRecords({ImageTopic(Ros::k2, "/camera/depth")}, "cdr");
   const auto expect = [&](const std::string& of, std::initializer_list<std::string> parts) {
@@ -736,13 +750,18 @@ TEST(DescribedMcap, DamagedOrUnknown) {
 
 // Matroska (RFC 9559).
 
-/// An element with a size of eight bytes.
-std::string Element(const std::string& id, const std::string& data) {
+/// What an element begins with, its size in eight bytes.
+std::string ElementHead(const std::string& id, std::uint64_t size) {
   std::string bytes = id + '\x01';
-  for (int byte = 6; byte >= 0; --byte)
-    bytes += static_cast<char>(std::uint64_t{data.size()} >> (8 * byte));
-  return bytes + data;
+  for (int byte = 6; byte >= 0; --byte) bytes += static_cast<char>(size >> (8 * byte));
+  return bytes;
 }
+std::string Element(const std::string& id, const std::string& data) {
+  return ElementHead(id, data.size()) + data;
+}
+
+constexpr char kTracks[] = "\x16\x54\xAE\x6B", kCluster[] = "\x1F\x43\xB6\x75",
+               kTags[] = "\x12\x54\xC3\x67", kTag[] = "\x73\x73", kSimpleTag[] = "\x67\xC8";
 
 /// BITMAPINFOHEADER up to biCompression, and zeros.
 std::string BitmapHeader(const std::string& compression) {
@@ -750,23 +769,28 @@ std::string BitmapHeader(const std::string& compression) {
          Bytes<std::uint16_t>(1) + Bytes<std::uint16_t>(16) + compression + std::string(20, '\0');
 }
 
-/// One frame of a track whose codec and own elements are given; in a BlockGroup or a
-/// SimpleBlock.
-std::string Mkv(const std::string& codec, const std::string& of_track, const std::string& of_video,
-                const std::string& frame, bool group) {
+/// A track whose codec and own elements are given.
+std::string Track(const std::string& codec, const std::string& of_track,
+                  const std::string& of_video) {
   const std::string number = "\x01", width(1, kWidth), height(1, kHeight);
-  const std::string video =
-      Element("\xE0", Element("\xB0", width) + Element("\xBA", height) + of_video);
-  const std::string track =
-      Element("\xAE", Element("\xD7", number) + Element("\x73\xC5", number) +
-                          Element("\x83", number) + Element("\x86", codec) + of_track + video);
-  const std::string block = std::string("\x81\x00\x00\x00", 4) + frame;
-  const std::string cluster =
-      Element("\xE7", std::string(1, '\0')) +
-      (group ? Element("\xA0", Element("\xA1", block)) : Element("\xA3", block));
+  return Element("\xAE",
+                 Element("\xD7", number) + Element("\x73\xC5", number) + Element("\x83", number) +
+                     Element("\x86", codec) + of_track +
+                     Element("\xE0", Element("\xB0", width) + Element("\xBA", height) + of_video));
+}
+std::string GreyTrack() { return Track("V_UNCOMPRESSED", "", Element("\x2E\xB5\x24", "b16g")); }
+
+/// One frame of that track, in a BlockGroup or a SimpleBlock.
+std::string Frame(bool big_endian = true, bool group = true) {
+  const std::string block = std::string("\x81\x00\x00\x00", 4) + Samples(big_endian);
+  return Element("\xE7", std::string(1, '\0')) +
+         (group ? Element("\xA0", Element("\xA1", block)) : Element("\xA3", block));
+}
+
+/// A segment of these tracks and further parts.
+std::string Mkv(const std::string& tracks, const std::string& parts) {
   return Element("\x1A\x45\xDF\xA3", Element("\x42\x82", "matroska")) +
-         Element("\x18\x53\x80\x67",
-                 Element("\x16\x54\xAE\x6B", track) + Element("\x1F\x43\xB6\x75", cluster));
+         Element("\x18\x53\x80\x67", Element(kTracks, tracks) + parts);
 }
 
 TEST(DescribedMkv, GreyOf16BitsInBothByteOrdersAndBlocks) {
@@ -774,12 +798,11 @@ TEST(DescribedMkv, GreyOf16BitsInBothByteOrdersAndBlocks) {
     for (const auto& [fourcc, big_endian] : {std::pair("Y16 ", false), std::pair("b16g", true)}) {
       for (const bool vfw : {true, false}) {
         SCOPED_TRACE(fourcc);
-        const std::string bytes =
-            vfw ? Mkv("V_MS/VFW/FOURCC", Element("\x63\xA2", BitmapHeader(fourcc)), "",
-                      Samples(big_endian), group)
-                : Mkv("V_UNCOMPRESSED", "", Element("\x2E\xB5\x24", fourcc), Samples(big_endian),
-                      group);
-        const std::vector<RecordedDepth> streams = ReadBytes("a.mkv", bytes);
+        const std::string track =
+            vfw ? Track("V_MS/VFW/FOURCC", Element("\x63\xA2", BitmapHeader(fourcc)), "")
+                : Track("V_UNCOMPRESSED", "", Element("\x2E\xB5\x24", fourcc));
+        const std::vector<RecordedDepth> streams =
+            ReadBytes("a.mkv", Mkv(track, Element(kCluster, Frame(big_endian, group))));
         ASSERT_EQ(streams.size(), 1u);
         // Nothing says that the device is a Kinect, whose unit would be known.
         EXPECT_FALSE(streams[0].depth_scale.has_value());
@@ -794,11 +817,47 @@ TEST(DescribedMkv, GreyOf16BitsInBothByteOrdersAndBlocks) {
 
 // libebml takes what it did not get for read.
 TEST(DescribedMkv, AnElementThatEndsBehindTheFile) {
-  const std::string whole =
-      Mkv("V_UNCOMPRESSED", "", Element("\x2E\xB5\x24", "b16g"), Samples(true), true);
+  const std::string whole = Mkv(GreyTrack(), Element(kCluster, Frame()));
   const std::string cut = whole.substr(0, whole.find("b16g") + 1);
   ExpectError<DataError>([&] { ReadBytes("a.mkv", cut); },
                          {"a.mkv", "damaged", "4 bytes ends behind the file"});
+}
+
+// Tags hold tags, and libebml reads them by recursion.
+TEST(DescribedMkv, TagsInTags) {
+  const auto read = [](std::uint64_t depth) {
+    std::string tags;
+    for (std::uint64_t i = depth; i-- > 0;) tags += ElementHead(kSimpleTag, 10 * i);
+    return ReadBytes("a.mkv", Mkv(GreyTrack(), Element(kTags, Element(kTag, tags)) +
+                                                   Element(kCluster, Frame())));
+  };
+  EXPECT_EQ(read(100).size(), 1u);
+  ExpectError<DataError>([&] { read(100000); }, {"a.mkv", "a part of"});
+}
+
+// As a recorder that writes live leaves it: clusters without a size. Other parts state theirs.
+TEST(DescribedMkv, ClustersWithoutSize) {
+  constexpr std::uint64_t kNoSize = (std::uint64_t{1} << 56) - 1;
+  const std::string cluster = ElementHead(kCluster, kNoSize) + Frame();
+  const std::string tag =
+      Element(kTag, Element(kSimpleTag, Element("\x45\xA3", "K4A_DEVICE_SERIAL_NUMBER") +
+                                            Element("\x44\x87", "0815")));
+  const TempFolder folder;
+  const auto streams = ReadRecording(
+      folder.Write("a.mkv", Mkv(GreyTrack(), cluster + cluster + cluster + Element(kTags, tag))),
+      5);
+  ASSERT_EQ(streams.size(), 1u);
+  EXPECT_EQ(streams[0].frames.size(), 3u);
+  EXPECT_EQ(streams[0].serial, "0815");  // of the tags behind them
+  ExpectError<DataError>(
+      [&] { ReadBytes("a.mkv", Mkv(GreyTrack(), cluster + ElementHead(kTags, kNoSize) + tag)); },
+      {"a.mkv", "without a size"});
+}
+
+// Tracks of one number would each keep a copy of every frame.
+TEST(DescribedMkv, ATrackTwice) {
+  const std::string tracks = GreyTrack() + GreyTrack() + GreyTrack();
+  EXPECT_EQ(ReadBytes("a.mkv", Mkv(tracks, Element(kCluster, Frame()))).size(), 1u);
 }
 
 }  // namespace

@@ -355,6 +355,7 @@ TEST(ReadKinectColour, SaysWhatIsMissing) {
     ExpectError<DataError>([&] { ReadKinectColour(path); }, {"raw.json", part});
   };
   expect("{}", "CalibrationInformation");
+  expect("{\"CalibrationInformation\": [", "line 1");
   expect(Raw(Camera(kDepth, kTurnedZ)), "colour camera");
   expect(Raw(Camera(kColour, kTurnedX)), "depth camera");
   expect(Raw(Camera(kColour, "{}") + ", " + Camera(kDepth, kTurnedZ)), "Rt");
