@@ -23,21 +23,16 @@ Structure LeftBox() {
 
 /// Columns of Coarse's view, each of 10 pixels, in cells: the solid angle of a pixel is the
 /// integral of cos^3 over the square that it covers of the plane z = 1.
-double CellsOfColumn(int u) {
+double CellsOfColumns(int from, int to) {
   const double rad = ErrorsOf("").smooth_rad;
   double cells = 0;
-  for (int v = 0; v < 10; ++v) {
+  for (const auto [u, v] : Pixels({from, 0}, {to + 1, 10})) {
     const double x = (u - 9.5) / 40, y = (v - 4.5) / 40;
     cells += 1 / (40.0 * 40 * rad * rad) / std::pow(std::sqrt(1 + x * x + y * y), 3);
   }
   return cells;
 }
-
-double CellsOfColumns(int from, int to) {
-  double cells = 0;
-  for (int u = from; u <= to; ++u) cells += CellsOfColumn(u);
-  return cells;
-}
+double CellsOfColumn(int u) { return CellsOfColumns(u, u); }
 
 struct Seen {
   DepthImage depth = DepthImage(20, 10, 3.0f);

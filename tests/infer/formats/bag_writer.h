@@ -6,6 +6,7 @@
 #include <initializer_list>
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace volalign::bag_writer {
 
@@ -41,9 +42,14 @@ inline std::string Message(std::uint32_t connection, const std::string& data) {
 }
 
 /// A message on a connection of its own.
-inline std::string Topic(std::uint32_t number, const std::string& topic, const std::string& type,
-                         const std::string& data) {
-  return Connection(number, topic, type) + Message(number, data);
+struct Topic {
+  std::string name, type, data;
+};
+inline std::string Records(const std::vector<Topic>& topics) {
+  std::string records;
+  for (std::uint32_t i = 0; i < topics.size(); ++i)
+    records += Connection(i, topics[i].name, topics[i].type) + Message(i, topics[i].data);
+  return records;
 }
 
 /// What the messages of ROS 1 begin with.

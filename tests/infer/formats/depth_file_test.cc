@@ -57,20 +57,18 @@ class DepthFileTest : public ::testing::Test {
         EXPECT_EQ(depth.values(u, v), static_cast<float>(factor * Value(u, v))) << u << " " << v;
   }
 
-  /// An array's file: the header padded to 64 bytes, then the bytes.
+  /// An array's file: the header, a dictionary of Python, then the bytes.
+  std::filesystem::path WriteNpy(const std::string& dictionary, const std::string& data) {
+    const std::size_t size = dictionary.size() + 1;
+    return folder_.Write("a.npy", std::string("\x93NUMPY\x01\x00", 8) +
+                                      static_cast<char>(size & 255) + static_cast<char>(size >> 8) +
+                                      dictionary + "\n" + data);
+  }
   std::filesystem::path WriteNpy(const std::string& type, const std::string& fortran,
                                  const std::string& shape, const std::string& data) {
-    std::string header =
-        "{'descr': '" + type + "', 'fortran_order': " + fortran + ", 'shape': " + shape + ", }";
-    while ((10 + header.size() + 1) % 64 != 0) header += ' ';
-    header += '\n';
-    std::string bytes = "\x93NUMPY";
-    bytes += '\x01';
-    bytes += '\0';
-    bytes += static_cast<char>(header.size() & 255);
-    bytes += static_cast<char>(header.size() >> 8);
-    WriteFileAtomically(folder_ / "a.npy", bytes + header + data);
-    return folder_ / "a.npy";
+    return WriteNpy(
+        "{'descr': '" + type + "', 'fortran_order': " + fortran + ", 'shape': " + shape + ", }",
+        data);
   }
 
   template <class T>
@@ -251,10 +249,7 @@ TEST_F(DepthFileTest, ExrWithAnAttributeLargerThanTheFile) {
 TEST_F(DepthFileTest, NpyHeadersThatAreNone) {
   const std::string good = "'descr': '<u2', 'fortran_order': False, 'shape': (5, 7)";
   const auto read = [&](const std::string& dictionary) {
-    std::string header = dictionary + "\n", data(70, '\1');
-    header = std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) + '\0' + header;
-    WriteFileAtomically(folder_ / "a.npy", header + data);
-    return ReadStoredDepth(folder_ / "a.npy");
+    return ReadStoredDepth(WriteNpy(dictionary, std::string(70, '\1')));
   };
   EXPECT_EQ(read("{" + good + "}").values.width(), 7);
   EXPECT_EQ(read("{ " + good + " , }").values.width(), 7);
@@ -284,22 +279,20 @@ TEST_F(DepthFileTest, Npy) {
   EXPECT_EQ(ReadStoredDepth(WriteNpy("<f2", "False", shape, halves)).values(3, 1),
             static_cast<float>(Value(3, 1) + 100));
 
-  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "False", shape, rows.substr(4))); },
-                         {"a.npy", "truncated"});
-  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "False", "(5, 7, 1)", rows)); },
-                         {"a.npy", "two dimensions"});
-  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("|O", "False", shape, rows)); },
-                         {"a.npy", "descr"});
-  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "Maybe", shape, rows)); },
-                         {"a.npy", "fortran_order"});
   // A header of blanks, which a backtracking search would go through by recursion.
   const std::string blanks(60000, ' ');
   ExpectFilled(WriteNpy("<f4", blanks + "False", shape, rows), false, 0.001);
-  ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy("<f4", "False", blanks, rows)); },
-                         {"a.npy", "shape"});
-  ExpectError<DataError>(
-      [&] { ReadStoredDepth(WriteNpy("<f4", "False", "(99999999, 99999999)", rows)); },
-      {"a.npy", "no size"});
+  struct Case {
+    std::string type, fortran, shape, data, part;
+  };
+  for (const Case& c : {Case{"<f4", "False", shape, rows.substr(4), "truncated"},
+                        Case{"<f4", "False", "(5, 7, 1)", rows, "two dimensions"},
+                        Case{"|O", "False", shape, rows, "descr"},
+                        Case{"<f4", "Maybe", shape, rows, "fortran_order"},
+                        Case{"<f4", "False", blanks, rows, "shape"},
+                        Case{"<f4", "False", "(99999999, 99999999)", rows, "no size"}})
+    ExpectError<DataError>([&] { ReadStoredDepth(WriteNpy(c.type, c.fortran, c.shape, c.data)); },
+                           {"a.npy", c.part});
 }
 
 TEST_F(DepthFileTest, WhatIsNoMeasurementIsZero) {

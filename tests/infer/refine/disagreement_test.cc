@@ -4,7 +4,6 @@
 
 #include <Eigen/QR>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -75,6 +74,13 @@ struct OddOne {
     observed.face_root = kSigma * Eigen::MatrixXd::Identity(n, n);
     observed.edge_root = Eigen::MatrixXd(0, 0);
     return observed;
+  }
+  Agreed Exclude() { return ExcludeDisagreeing(*problem, asked_for, std::move(solution)); }
+  /// Of each sensor, whether it is.
+  std::vector<bool> Excluded() {
+    std::vector<bool> excluded;
+    for (const auto& of : Exclude().of) excluded.push_back(of.has_value());
+    return excluded;
   }
   /// Of the first sensor, as `by` predict it.
   Disagreement InnovationBy(const std::vector<std::size_t>& by) const {
@@ -153,8 +159,7 @@ TEST(Innovation, OfABoxThatIsHeldIsNone) {
 TEST(ExcludeDisagreeing, NamesThoseThatShowIt) {
   OddOne scene(0.04);
   scene.solution.observed[0].noise.depth.smooth_m = 0.004;
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
+  const Agreed agreed = scene.Exclude();
   ASSERT_TRUE(agreed.of[0].has_value());
   EXPECT_EQ(agreed.solution.observed[0].noise.depth.smooth_m, 0.004)
       << "what is known of its noise stands";
@@ -172,18 +177,15 @@ TEST(ExcludeDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
     for (FaceObservation& face : observed.faces)
       face.p *= 1 + random.Normal(0, 2.2 * kSigma) / face.p.norm();
   }
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-  for (std::size_t i = 0; i < 5; ++i) EXPECT_FALSE(agreed.of[i].has_value()) << i;
+  EXPECT_EQ(scene.Excluded(), std::vector<bool>(5, false));
 }
 
 TEST(ExcludeDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
   for (const char* estimate : {"none", "boxes,depth_offset", "size"}) {
     OddOne scene(0.04);
     const EstimateSet asked = ParseEstimate(estimate);
-    const FreeSet asked_for = AskedFor(asked, scene.problem->priors, 3);
-    scene.solution.free = asked_for;
-    const Agreed agreed = ExcludeDisagreeing(*scene.problem, asked_for, std::move(scene.solution));
+    scene.asked_for = scene.solution.free = AskedFor(asked, scene.problem->priors, 3);
+    const Agreed agreed = scene.Exclude();
     EXPECT_TRUE(agreed.of[0].has_value()) << estimate;
     EXPECT_FALSE(agreed.of[1] || agreed.of[2]) << estimate;
     // What is not to be estimated is where the structure has it.
@@ -195,37 +197,20 @@ TEST(ExcludeDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
   }
 }
 
-TEST(ExcludeDisagreeing, WhatIsKnownExactlyIsNoneOfTheSensors) {
-  RefineOptions exact;
-  exact.box_sigma_m = exact.size_sigma_percent = 0;
-  OddOne scene(0.04, exact);
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-  EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
-}
-
-TEST(ExcludeDisagreeing, AsksAboutTheBoxesAlsoWhereTheSizeIsKnownExactly) {
-  RefineOptions known_size;
-  known_size.size_sigma_percent = 0;
-  OddOne scene(0.04, known_size);
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-  EXPECT_TRUE(agreed.of[0].has_value());
-  EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
+TEST(ExcludeDisagreeing, AsksAboutTheBoxesUnlessTheyAreKnownExactly) {
+  RefineOptions exact, known_size;
+  known_size.size_sigma_percent = exact.size_sigma_percent = exact.box_sigma_m = 0;
+  EXPECT_EQ(OddOne(0.04, exact).Excluded(), std::vector<bool>(3, false));
+  EXPECT_EQ(OddOne(0.04, known_size).Excluded(), (std::vector<bool>{true, false, false}));
 }
 
 TEST(ExcludeDisagreeing, KeepsExcludedWhatWasExcludedEarlier) {
-  const auto excluded = [](std::array<bool, 3> earlier) {
+  for (const bool last : {false, true}) {
     OddOne scene(0.04);
-    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].excluded = earlier[i];
+    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].excluded = last && i == 2;
     scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
-    const Agreed agreed =
-        ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-    return std::array<bool, 3>{agreed.of[0].has_value(), agreed.of[1].has_value(),
-                               agreed.of[2].has_value()};
-  };
-  EXPECT_EQ(excluded({false, false, false}), (std::array<bool, 3>{false, false, false}));
-  EXPECT_EQ(excluded({false, false, true}), (std::array<bool, 3>{false, false, true}));
+    EXPECT_EQ(scene.Excluded(), (std::vector<bool>{false, false, last}));
+  }
 }
 
 TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
@@ -237,9 +222,7 @@ TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   scene.solution.state =
       NominalState(scene.structure, scene.poses, scene.problem->lenses, scene.problem->frame_of,
                    std::vector<Pose>(2, Pose::Identity()));
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-  EXPECT_FALSE(agreed.of[0] || agreed.of[1] || agreed.of[2]);
+  EXPECT_EQ(scene.Excluded(), std::vector<bool>(3, false));
 }
 
 TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
@@ -257,10 +240,9 @@ TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
     spoilt.side_points.push_back(point);
   }
   scene.frames[0].points = testing_infer::Borrowed(spoilt);
-  const Agreed agreed =
-      ExcludeDisagreeing(*scene.problem, scene.asked_for, std::move(scene.solution));
-  EXPECT_FALSE(agreed.of[0].has_value());
-  EXPECT_TRUE(agreed.of[1].has_value());
+  const std::vector<bool> excluded = scene.Excluded();
+  EXPECT_FALSE(excluded[0]);
+  EXPECT_TRUE(excluded[1]);
 }
 
 TEST(Innovation, IsNoneWhereNumbersFail) {

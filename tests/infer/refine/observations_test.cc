@@ -15,6 +15,7 @@
 #include "infer/refine/sensor_points.h"
 #include "infer/refine/silhouettes.h"
 #include "infer/view/alike.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/refine/points_and_observations.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -107,52 +108,61 @@ TEST(GatherObservations, APixelThatFramesDisagreeAboutSaysLess) {
   EXPECT_NEAR(face.variance, 2 * (2 * 4e-6) / (2.2 * 2.2), 1e-12);
 }
 
-TEST(WidenOutliers, CountsWhatExceedsTheLimit) {
+TEST(WidenOutliers, CountsWhatExceedsTheLimitAndLeavesTheOthers) {
   // The limit is 3.5 mm where everything else agrees to less than a millimetre.
+  constexpr std::size_t kOdd = 20;
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
   const Pose pose = testing_infer::RingPose(35);
   const FrameObservations exact = testing_infer::Observe(structure, pose, 14);
-  const auto widened = [&](double off) {
+  ASSERT_GT(exact.faces.size(), 60u);
+  const auto widened = [&](double off, double offset_sigma = 0) {
     FrameObservations observed = exact;
-    FaceObservation& odd = observed.faces[20];
+    FaceObservation& odd = observed.faces[kOdd];
     odd.p += off * pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
-    WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), Priors(),
+    Priors priors;
+    priors.offset = offset_sigma;
+    WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors,
                   &observed);
-    return observed.faces[20].variance - exact.faces[20].variance;
+    for (std::size_t k = 0; k < exact.faces.size(); ++k) {
+      if (k != kOdd) {
+        EXPECT_EQ(observed.faces[k].variance, exact.faces[k].variance) << k;
+      }
+    }
+    return odd.variance - exact.faces[kOdd].variance;
   };
   EXPECT_EQ(widened(0.0034), 0);
   EXPECT_NEAR(widened(0.005), 4 * (0.005 * 0.005 - 0.0035 * 0.0035), 6e-6);
   EXPECT_NEAR(widened(0.01), 4 * (0.01 * 0.01 - 0.0035 * 0.0035), 3e-5);
-}
-
-TEST(WidenOutliers, LeavesWhatAgreesAsItIs) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = testing_infer::RingPose(35);
-  FrameObservations observed = testing_infer::Observe(structure, pose, 14);
-  ASSERT_GT(observed.faces.size(), 60u);
-  FaceObservation& odd = observed.faces[20];
-  const Eigen::Vector3d normal =
-      pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
-  odd.p += 0.05 * normal;
-  const FrameObservations before = observed;
-  Priors priors;
-  priors.offset = 0.007;
-  WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors, &observed);
-  for (std::size_t k = 0; k < observed.faces.size(); ++k) {
-    const double widened = observed.faces[k].variance - before.faces[k].variance;
-    // 5 cm, less the little that the fit follows, against a limit of 3.5 mm: 4 (size^2 - limit^2).
-    if (k == 20) {
-      EXPECT_NEAR(std::sqrt(widened / 4), 0.05, 0.003);
-    } else {
-      EXPECT_EQ(widened, 0) << k;
-    }
-  }
+  // 5 cm, less the little that the fit follows: 4 (size^2 - limit^2).
+  EXPECT_NEAR(std::sqrt(widened(0.05, 0.007) / 4), 0.05, 0.003);
 }
 
 }  // namespace
 }  // namespace volalign::refine_internal::observations_test
+
+namespace volalign {
+namespace {
+
+/// Whether all pixels up to `reach` rows and columns away have the label.
+bool IsOneSide(const LabelImage& labels, int u, int v, int reach) {
+  bool same = true;
+  for (const auto [x, y] : Pixels({u - reach, v - reach}, {u + reach + 1, v + reach + 1}))
+    same = same && labels(x, y) == labels(u, v);
+  return same;
+}
+
+/// Distance, m, of a silhouette from the nearest edge line of its side, positive outside of it.
+double OutsideOfSide(const Structure& structure, const Pose& pose, const EdgePoint& edge) {
+  const Side& side = structure.SideOfLabel(edge.label);
+  const Eigen::Vector3d p = pose * edge.p - side.centre;
+  const double du = std::abs(side.axis_u.dot(p)) - side.half_u;
+  const double dv = std::abs(side.axis_v.dot(p)) - side.half_v;
+  return std::abs(du) < std::abs(dv) ? du : dv;
+}
+
+}  // namespace
+}  // namespace volalign
 
 namespace volalign::sensor_points_test {
 namespace {
@@ -174,13 +184,9 @@ TEST(PixelNormals, AreTheFacesOwn) {
     for (int u = 4; u < view.width() - 4; u += 3) {
       const int label = rendered.labels(u, v);
       if (label == 0) continue;
-      bool whole = true;
-      for (int dv = -3; dv <= 3; ++dv) {
-        for (int du = -3; du <= 3; ++du) whole = whole && rendered.labels(u + du, v + dv) == label;
-      }
       Eigen::Vector3d normal;
       const bool found = PixelNormal(view, u, v, 3, &normal);
-      if (!whole) continue;
+      if (!IsOneSide(rendered.labels, u, v, 3)) continue;
       ASSERT_TRUE(found) << u << " " << v;
       const Eigen::Vector3d truth = pose.linear().transpose() * structure.SideOfLabel(label).normal;
       EXPECT_LT((normal - truth).norm(), 1e-3) << u << " " << v;
@@ -200,10 +206,7 @@ TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
       if (edge.one_sided) continue;  // placed as if a sensor lost pixels: see silhouettes_test
       const Side& side = rig.structure.SideOfLabel(edge.label);
       const Eigen::Vector3d p = *rig.frames[i].ground_truth * edge.p;
-      // Closed form: signed distance from the nearest of the rectangle's four edge lines.
-      const double du = std::abs(side.axis_u.dot(p - side.centre)) - side.half_u;
-      const double dv = std::abs(side.axis_v.dot(p - side.centre)) - side.half_v;
-      const double distance = std::abs(du) < std::abs(dv) ? du : dv;
+      const double distance = OutsideOfSide(rig.structure, *rig.frames[i].ground_truth, edge);
       EXPECT_LT(std::abs(side.normal.dot(p - side.centre)), 5e-3);
       EXPECT_LT(std::abs(distance), 3 * edge.sigma + 2e-3) << side.name;
       sum += distance;
@@ -335,12 +338,8 @@ struct Frame {
   /// Takes depth and labels away where `gone(u, v)`.
   template <class Gone>
   void Erase(const Gone& gone) {
-    for (int v = 0; v < rendered.depth.height(); ++v) {
-      for (int u = 0; u < rendered.depth.width(); ++u) {
-        if (!gone(u, v)) continue;
-        rendered.depth(u, v) = 0;
-        rendered.labels(u, v) = 0;
-      }
+    for (const auto [u, v] : Pixels(rendered.depth)) {
+      if (gone(u, v)) rendered.depth(u, v) = rendered.labels(u, v) = 0;
     }
   }
   Silhouettes Find() const {
@@ -348,14 +347,7 @@ struct Frame {
     const SegmentationResult labels = Certain(rendered.labels);
     return FindSilhouettes({view, labels, static_cast<std::size_t>(structure.num_classes()), 0.5});
   }
-  /// Distance, m, of the point from the nearest edge of its side, positive outside of it.
-  double Outside(const EdgePoint& edge) const {
-    const Side& side = structure.SideOfLabel(edge.label);
-    const Eigen::Vector3d p = pose * edge.p - side.centre;
-    const double du = std::abs(side.axis_u.dot(p)) - side.half_u;
-    const double dv = std::abs(side.axis_v.dot(p)) - side.half_v;
-    return std::abs(du) < std::abs(dv) ? du : dv;
-  }
+  double Outside(const EdgePoint& edge) const { return OutsideOfSide(structure, pose, edge); }
   static Eigen::Vector2d Pixel(const EdgePoint& edge) {
     return {Kinect().fx * edge.p.x() / edge.p.z() + Kinect().cx,
             Kinect().fy * edge.p.y() / edge.p.z() + Kinect().cy};
@@ -367,11 +359,9 @@ TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
   for (int gap = 0; gap <= 3; ++gap) {
     DepthImage depth(320, 288, 3.0f);
     LabelImage labels(320, 288, 0);
-    for (int v = 100; v < 180; ++v) {
-      for (int u = 120; u <= 180 + gap; ++u) {
-        depth(u, v) = u <= 180 ? 2.0f : 0.0f;
-        labels(u, v) = u <= 180 ? 1 : 0;
-      }
+    for (const auto [u, v] : Pixels({120, 100}, {181 + gap, 180})) {
+      depth(u, v) = u <= 180 ? 2.0f : 0.0f;
+      labels(u, v) = u <= 180 ? 1 : 0;
     }
     const SensorView view = MakeSensorView(depth, Kinect());
     const SegmentationResult certain = Certain(labels);
@@ -432,15 +422,8 @@ TEST(OneSided, AHoleInASideIsNone) {
   // 14 px wide, where 24 px round about show one side.
   const LabelImage& labels = frame.rendered.labels;
   int at_u = 0, at_v = 0;
-  for (int v = 12; v < 276; ++v) {
-    for (int u = 12; u < 308; ++u) {
-      bool whole = labels(u, v) > 0;
-      for (int k = -12; k <= 12 && whole; ++k) {
-        for (int l = -12; l <= 12; ++l) whole = whole && labels(u + k, v + l) == labels(u, v);
-      }
-      if (whole) at_u = u, at_v = v;
-    }
-  }
+  for (const auto [u, v] : Pixels({12, 12}, {308, 276}))
+    if (labels(u, v) > 0 && IsOneSide(labels, u, v, 12)) at_u = u, at_v = v;
   ASSERT_GT(at_u, 0);
   frame.Erase([&](int u, int v) { return std::abs(u - at_u) < 7 && std::abs(v - at_v) < 7; });
   for (const EdgePoint& edge : frame.Find().one_sided) {
@@ -469,9 +452,7 @@ TEST(OneSided, TheBorderOfThePictureIsNone) {
 TEST(OneSided, WhatIsHiddenHasNone) {
   Frame frame(RingPose(90));
   frame.Erase([](int u, int) { return std::abs(u - 160) < 18; });
-  for (int v = 0; v < 288; ++v) {
-    for (int u = 151; u < 170; ++u) frame.rendered.depth(u, v) = 1;
-  }
+  for (const auto [u, v] : Pixels({151, 0}, {170, 288})) frame.rendered.depth(u, v) = 1;
   for (const EdgePoint& edge : frame.Find().one_sided) {
     if (std::abs(Frame::Pixel(edge).x() - 160) < 24) {
       EXPECT_LT(std::abs(frame.Outside(edge)), 5 * edge.pixel) << Frame::Pixel(edge).transpose();

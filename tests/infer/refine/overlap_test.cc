@@ -31,11 +31,7 @@ SensorPoints Wall(double farther) {
   return SensorPoints{{}, {}, SampledCloud(cloud)};
 }
 
-FrameState At(double x) {
-  Pose pose = Pose::Identity();
-  pose.translation().x() = x;
-  return {pose, 0, 0};
-}
+FrameState At(double x) { return {Pose(Eigen::Translation3d(x, 0, 0)), 0, 0}; }
 
 std::vector<int> All(const SensorPoints& points) {
   std::vector<int> all(points.cloud.points().size());
@@ -92,22 +88,6 @@ TEST(FindShared, CountsWhatBothSee) {
   const SharedPoints far = FindShared(first, third, 0.015, 0.9);
   EXPECT_FALSE(far.IsPair(0.3)) << "they share a tenth";
   EXPECT_TRUE(far.IsPair(0.05));
-}
-
-TEST(FindShared, OfNeighboursOnARing) {
-  const testing_infer::Rig rig = testing_infer::RingOfEight();
-  const std::vector<SensorPoints> points = testing_infer::PointsOf(rig);
-  std::vector<std::vector<int>> chosen;
-  std::vector<OverlapEnd> views;
-  for (std::size_t i = 0; i < 2; ++i)
-    chosen.push_back(
-        ChooseOverlapPoints(rig.structure, points[i], *rig.frames[i].ground_truth, 700, true));
-  for (std::size_t i = 0; i < 2; ++i)
-    views.push_back({&points[i], &chosen[i], {*rig.frames[i].ground_truth, 0, 0}});
-  const SharedPoints shared = FindShared(views[0], views[1], 0.02, 0.94);
-  EXPECT_TRUE(shared.IsPair(0.05));
-  EXPECT_GT(shared.overlap, 0.3);
-  EXPECT_LT(shared.rms(), 1e-3);
 }
 
 TEST(ChooseOverlapPoints, TakesHalfFromAroundTheStructure) {

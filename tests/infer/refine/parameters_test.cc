@@ -44,70 +44,63 @@ void MovePose(int k, double step, PoseBlock* pose) {
 
 std::vector<Named> AllParameters(const ParameterLayout& layout) {
   std::vector<Named> all;
-  for (int k = 0; k < 6; ++k) {
-    for (std::size_t i = 0; i < layout.frames(); ++i) {
-      all.push_back({"pose" + std::to_string(k) + " of frame " + std::to_string(i),
-                     layout.Pose(i) + k,
-                     [i, k](State* s, double h) { MovePose(k, h, &s->poses[i]); }});
-    }
-    for (std::size_t still = 1; still < layout.stills(); ++still) {
-      all.push_back({"placement" + std::to_string(k), layout.Placement(still) + k,
-                     [still, k](State* s, double h) { MovePose(k, h, &s->placements[still]); }});
-    }
-  }
+  const auto add = [&](const std::string& name, Eigen::Index column,
+                       const std::function<double&(State*)>& of) {
+    all.push_back({name, column, [of](State* s, double h) { of(s) += h; }});
+  };
+  const auto add_pose = [&](const std::string& name, Eigen::Index column,
+                            const std::function<PoseBlock&(State*)>& of) {
+    for (int k = 0; k < 6; ++k)
+      all.push_back({name + " " + std::to_string(k), column + k,
+                     [of, k](State* s, double h) { MovePose(k, h, &of(s)); }});
+  };
   for (std::size_t i = 0; i < layout.frames(); ++i) {
-    all.push_back({"offset of frame " + std::to_string(i), layout.Offset(i),
-                   [i](State* s, double h) { s->offsets[i] += h; }});
+    const std::string frame = " of frame " + std::to_string(i);
+    add_pose("pose" + frame, layout.Pose(i), [i](State* s) -> PoseBlock& { return s->poses[i]; });
+    add("offset" + frame, layout.Offset(i), [i](State* s) -> double& { return s->offsets[i]; });
   }
+  for (std::size_t still = 1; still < layout.stills(); ++still)
+    add_pose("placement", layout.Placement(still),
+             [still](State* s) -> PoseBlock& { return s->placements[still]; });
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
-    for (int k = 0; k < kSensorErrors; ++k) {
-      all.push_back({"error" + std::to_string(k) + " of sensor " + std::to_string(i),
-                     layout.ErrorsOfSensor(i) + k,
-                     [i, k](State* s, double h) { s->errors[i][k] += h; }});
-    }
+    for (int k = 0; k < kSensorErrors; ++k)
+      add("error" + std::to_string(k) + " of sensor " + std::to_string(i),
+          layout.ErrorsOfSensor(i) + k, [i, k](State* s) -> double& { return s->errors[i][k]; });
   }
   for (std::size_t lens = 0; lens < layout.lenses(); ++lens) {
-    for (int k = 0; k < kLensParameters; ++k) {
-      all.push_back({"lens" + std::to_string(lens) + "," + std::to_string(k), layout.Lens(lens) + k,
-                     [lens, k](State* s, double h) { s->lenses[lens][k] += h; }});
-    }
+    for (int k = 0; k < kLensParameters; ++k)
+      add("lens" + std::to_string(lens) + "," + std::to_string(k), layout.Lens(lens) + k,
+          [lens, k](State* s) -> double& { return s->lenses[lens][k]; });
   }
-  all.push_back({"size", layout.Size(), [](State* s, double h) { s->size += h; }});
+  add("size", layout.Size(), [](State* s) -> double& { return s->size; });
   for (std::size_t still = 0; still < layout.stills(); ++still) {
     for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
       int k = 0;
-      for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)}) {
-        all.push_back({"box " + std::to_string(b), layout.Boxes(still) + Eigen::Index{3} * b + k++,
-                       [still, at](State* s, double h) {
-                         s->boxes[still][static_cast<std::size_t>(at)] += h;
-                       }});
-      }
+      for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)})
+        add("box " + std::to_string(b), layout.Boxes(still) + Eigen::Index{3} * b + k++,
+            [still, at](State* s) -> double& {
+              return s->boxes[still][static_cast<std::size_t>(at)];
+            });
     }
-  }
-  for (std::size_t still = 0; still < layout.stills(); ++still) {
     for (int label = 1; label <= 5 * static_cast<int>(layout.boxes()); ++label) {
       const int at = BuildModel::Bulge(label);
-      all.push_back({"side " + std::to_string(label), layout.Bulges(still) + at,
-                     [still, at](State* s, double h) {
-                       s->bulges[still][static_cast<std::size_t>(at)] += h;
-                     }});
+      add("side " + std::to_string(label), layout.Bulges(still) + at,
+          [still, at](State* s) -> double& {
+            return s->bulges[still][static_cast<std::size_t>(at)];
+          });
     }
   }
-  for (int k = 0; k < 6; ++k) {
-    all.push_back({"world" + std::to_string(k), layout.World() + k,
-                   [k](State* s, double h) { MovePose(k, h, &s->world); }});
-  }
-  all.push_back(
-      {"scale of the world", layout.WorldScale(), [](State* s, double h) { s->world_scale += h; }});
+  add_pose("world", layout.World(), [](State* s) -> PoseBlock& { return s->world; });
+  add("scale of the world", layout.WorldScale(),
+      [](State* s) -> double& { return s->world_scale; });
   return all;
 }
 
 TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
   // The stack stands elsewhere in the second still, which has a frame of the first sensor.
   Rig rig{PaperStructure(), {}, {}};
-  Pose placement = Pose::Identity();
+  Pose placement(Eigen::Translation3d(0.4, 0, -0.2));
   placement.linear() = RotationExp(Eigen::Vector3d(0, 0.7, 0));
-  placement.translation() = Eigen::Vector3d(0.4, 0, -0.2);
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(100));
   rig.Add("A", placement.inverse() * RingPose(40));
@@ -151,24 +144,10 @@ TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
     }
   }
   const auto residuals_after = [&](const Named& parameter, double step) {
-    const State before = state;
-    parameter.move(&state, step);
+    parameter.move(&state, step);  // in the memory that Ceres refers to
     std::vector<double> residuals;
     EXPECT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr));
-    // Into the memory that Ceres refers to.
-    std::copy(before.poses.begin(), before.poses.end(), state.poses.begin());
-    std::copy(before.offsets.begin(), before.offsets.end(), state.offsets.begin());
-    std::copy(before.errors.begin(), before.errors.end(), state.errors.begin());
-    std::copy(before.lenses.begin(), before.lenses.end(), state.lenses.begin());
-    std::copy(before.placements.begin(), before.placements.end(), state.placements.begin());
-    for (std::size_t still = 0; still < 2; ++still) {
-      std::copy(before.boxes[still].begin(), before.boxes[still].end(), state.boxes[still].begin());
-      std::copy(before.bulges[still].begin(), before.bulges[still].end(),
-                state.bulges[still].begin());
-    }
-    state.size = before.size;
-    state.world = before.world;
-    state.world_scale = before.world_scale;
+    parameter.move(&state, -step);
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
   };
@@ -276,12 +255,11 @@ struct Handmade {
   SensorPoints nothing;
   RefineOptions options;
   std::vector<FrameInput> frames;
-  Pose placement = Pose::Identity();
+  Pose placement{Eigen::Translation3d(0.4, 0.01, -0.3)};
   Solution solution;
 
   Handmade() {
     placement.linear() = RotationExp({0, 0.7, 0});
-    placement.translation() = Eigen::Vector3d(0.4, 0.01, -0.3);
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];

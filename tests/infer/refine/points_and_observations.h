@@ -2,6 +2,7 @@
 
 // What the tests of the refinement's parts share: points and observations of synthetic views.
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <memory>
 #include <vector>
@@ -76,6 +77,19 @@ inline Pose RandomPose(RandomStream& random) {
   pose.linear() = RotationExp(RandomVector(random, 1.5));
   pose.translation() = RandomVector(random, 2);
   return pose;
+}
+
+/// A matrix R with R R^T = `covariance`, which may be singular.
+inline Eigen::MatrixXd RootOf(const Eigen::MatrixXd& covariance) {
+  const Eigen::LDLT<Eigen::MatrixXd> ldlt(covariance);
+  return ldlt.transpositionsP().transpose() * Eigen::MatrixXd(ldlt.matrixL()) *
+         ldlt.vectorD().cwiseMax(0).cwiseSqrt().asDiagonal();
+}
+
+inline Eigen::VectorXd WhiteNoise(Eigen::Index size, RandomStream& random) {
+  Eigen::VectorXd noise(size);
+  for (double& x : noise) x = random.Normal();
+  return noise;
 }
 
 /// A silhouette where a face was seen.

@@ -28,13 +28,11 @@ NormalEquations RandomNormal(const ParameterLayout& layout) {
   RandomStream random(5, 0, "normal equations");
   const Eigen::Index n = layout.size();
   Eigen::MatrixXd j(3 * n, n);
-  for (Eigen::Index r = 0; r < j.rows(); ++r) {
-    for (Eigen::Index c = 0; c < n; ++c) j(r, c) = random.Normal();
-  }
+  for (double& x : j.reshaped()) x = random.Normal();
   NormalEquations normal;
   normal.information = j.transpose() * j;
   normal.gradient.resize(n);
-  for (Eigen::Index c = 0; c < n; ++c) normal.gradient[c] = random.Normal(0, 20);
+  for (double& x : normal.gradient) x = random.Normal(0, 20);
   return normal;
 }
 
@@ -85,15 +83,9 @@ TEST(ConditionalPosterior, KnowsWhatIsConstant) {
   for (Eigen::Index k = 0; k < layout.size(); ++k) {
     if (!constant[static_cast<std::size_t>(k)]) rest.push_back(k);
   }
-  const auto n = static_cast<Eigen::Index>(rest.size());
-  Eigen::MatrixXd struck(n, n);
-  for (Eigen::Index r = 0; r < n; ++r) {
-    for (Eigen::Index c = 0; c < n; ++c)
-      struck(r, c) =
-          normal.information(rest[static_cast<std::size_t>(r)], rest[static_cast<std::size_t>(c)]);
-  }
+  const Eigen::MatrixXd struck = normal.information(rest, rest);
   const Eigen::MatrixXd inverse = struck.fullPivLu().inverse();
-  for (Eigen::Index r = 0; r < n; ++r)
+  for (Eigen::Index r = 0; r < inverse.rows(); ++r)
     EXPECT_NEAR(posterior.Sigma(rest[static_cast<std::size_t>(r)]), std::sqrt(inverse(r, r)),
                 1e-12);
 }
@@ -120,13 +112,9 @@ TEST(GaugeProjection, TakesOutWhatAllBoxesDoTogether) {
   // What is left has the least prior cost of all that differ by the gauge alone.
   Eigen::VectorXd apart = Eigen::VectorXd::Zero(3 * boxes);
   apart[0] = 0.01;
+  const Eigen::Vector3d sigmas(priors.box, priors.box, priors.yaw);
   const auto cost = [&](const Eigen::VectorXd& x) {
-    double sum = 0;
-    for (Eigen::Index k = 0; k < x.size(); ++k) {
-      const double sigma = k % 3 == 2 ? priors.yaw : priors.box;
-      sum += x[k] * x[k] / (sigma * sigma);
-    }
-    return sum;
+    return x.cwiseQuotient(sigmas.replicate(boxes, 1)).squaredNorm();
   };
   const Eigen::VectorXd left = projection * apart;
   for (const double step : {-0.1, 0.1}) EXPECT_GT(cost(left + step * together), cost(left));

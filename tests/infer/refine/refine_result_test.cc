@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -69,6 +68,10 @@ struct TwoStills {
     posterior.covariance = root * root.transpose();
   }
 
+  void ForgetDepthErrors() {
+    agreed.solution.state.offsets.assign(4, 0);
+    agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  }
   RefineResult Result() const {
     RefineResult result = MakeResult(*problem, agreed, lenses.size());
     AddUncertainties(*problem, agreed, unsolved, posterior, &result);
@@ -139,17 +142,12 @@ TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
       joint.bottomLeftCorner<6, 6>() = two.posterior.covariance.block<6, 6>(place, pose);
     }
     EXPECT_TRUE(frame.covariance.isApprox(joint.topLeftCorner<6, 6>(), 1e-9));
-    const Eigen::LDLT<Eigen::MatrixXd> ldlt(joint);
-    const Eigen::MatrixXd root = ldlt.transpositionsP().transpose() *
-                                 Eigen::MatrixXd(ldlt.matrixL()) *
-                                 ldlt.vectorD().cwiseMax(0).cwiseSqrt().asDiagonal();
+    const Eigen::MatrixXd root = testing_infer::RootOf(joint);
     RandomStream random(i, 0, "draws");
     constexpr int kDraws = 20000;
     Matrix6d sum = Matrix6d::Zero();
     for (int k = 0; k < kDraws; ++k) {
-      Eigen::VectorXd normal(12);
-      for (Eigen::Index j = 0; j < 12; ++j) normal[j] = random.Normal();
-      const Eigen::VectorXd drawn = root * normal;
+      const Eigen::VectorXd drawn = root * testing_infer::WhiteNoise(12, random);
       const Pose product = PerturbLeft(drawn.tail<6>(), placement) *
                            PerturbLeft(drawn.head<6>(), frame.structure_from_sensor);
       const Vector6d delta = LeftDifference(frame.first_from_sensor, product);
@@ -240,8 +238,7 @@ TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
 // Both stills show the same: each has the pair of its own frames, alike, and none across.
 TEST(MakeResult, PairsAreOfOneStill) {
   TwoStills two;
-  two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   const std::vector<RefinedPair> pairs = two.Result().pairs;
   ASSERT_EQ(pairs.size(), 2u);
   EXPECT_EQ(std::make_pair(pairs[0].a, pairs[0].b), std::make_pair(0, 1));
@@ -254,8 +251,7 @@ TEST(MakeResult, PairsAreOfOneStill) {
 // that is not of it errs by itself.
 TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   TwoStills two;
-  two.agreed.solution.state.offsets.assign(4, 0);
-  two.agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
   difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
@@ -272,8 +268,7 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
 TEST(MakeResult, PredictsHowFarApartCloudsAre) {
   TwoStills two;
   State& state = two.agreed.solution.state;
-  state.offsets.assign(4, 0);
-  state.errors.assign(2, SensorErrorVector::Zero());
+  two.ForgetDepthErrors();
   for (FrameObservations& observed : two.agreed.solution.observed)
     observed.noise.depth.white_m = observed.noise.depth.smooth_m = 0;
   const ParameterLayout& layout = two.problem->layout;

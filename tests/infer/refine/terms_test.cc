@@ -2,7 +2,6 @@
 
 #include <ceres/cost_function.h>
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 
 #include <array>
 #include <cmath>
@@ -65,23 +64,6 @@ int OverlapTerms(const CeresProblem& ceres, const State& state) {
   for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state))
     terms += ceres.problem->GetCostFunctionForResidualBlock(block)->num_residuals();
   return terms;
-}
-
-TEST(BuildCeresProblem, CountsOverlapFromMinOverlapOn) {
-  const Neighbours made;
-  const auto terms = [&](double min_overlap) {
-    RefineOptions options;
-    options.min_overlap = min_overlap;
-    const JointProblem problem(made.rig.structure, made.frames, options);
-    State state = NominalState(made.rig.structure, made.poses);
-    const FreeSet free = AskedFor({}, problem.priors, 2);
-    const std::vector<FrameObservations> observed = GatherObservations(problem, state, free, {});
-    const CeresProblem ceres = Build(problem, observed, free, &state);
-    return OverlapTerms(ceres, state);
-  };
-  EXPECT_GT(terms(0.05), 20);
-  EXPECT_EQ(terms(0.05), terms(0.01));
-  EXPECT_EQ(terms(0.95), 0) << "neighbours do not see nearly all of each other's view";
 }
 
 TEST(BuildCeresProblem, ErrorsWithinACorrelationLengthAreOneError) {
@@ -566,48 +548,20 @@ TEST(Residuals, AreNoneOfASideThatBulges) {
   EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 1e-5);
 }
 
-TEST(Residuals, DerivativesAreThoseOfDifferences) {
-  const DrawnPoint drawn(1, "refine model");
-  const BuildModel& model = drawn.model;
-  const FrameObservations& observed = drawn.observed;
-  const ParameterPoint& at = drawn.at;
-  ASSERT_GT(observed.faces.size(), 8u);
-  Eigen::VectorXd residuals;
-  Eigen::MatrixXd jacobian;
-  Residuals(model, observed, at.Parameters(), &residuals, &jacobian);
-  ASSERT_EQ(jacobian.cols(), at.x.size());
-  constexpr double kStep = 1e-6;
-  for (Eigen::Index c = 0; c < at.x.size(); ++c) {
-    Eigen::VectorXd high, low;
-    ParameterPoint moved = at;
-    moved.x[c] += kStep;
-    Residuals(model, observed, moved.Parameters(), &high, nullptr);
-    moved.x[c] -= 2 * kStep;
-    Residuals(model, observed, moved.Parameters(), &low, nullptr);
-    const Eigen::VectorXd numeric = (high - low) / (2 * kStep);
-    // Quaternions are normalised: their radial direction counts in differences, not in tangents.
-    if (c < 4) continue;
-    for (Eigen::Index r = 0; r < numeric.size(); ++r)
-      EXPECT_NEAR(jacobian(r, c), numeric[r], 1e-5 * (1 + std::abs(numeric[r]))) << r << " " << c;
+TEST(SensorCost, DerivativesAreThoseOfDifferences) {
+  DrawnPoint drawn(1, "refine model");
+  ASSERT_GT(drawn.observed.faces.size(), 8u);
+  SetCovariance(drawn.model, RingPose(35), &drawn.observed);
+  const SensorCost cost(drawn.model, drawn.observed);
+  std::vector<std::vector<double>> others;
+  const double* at = drawn.at.x.data() + 7;
+  for (const int size : cost.parameter_block_sizes()) {
+    if (others.empty() && size == 7) continue;  // the pose
+    others.emplace_back(at, at + size);
+    at += size;
   }
-  // Rotation, in the tangent space.
-  Eigen::Matrix<double, 7, 6, Eigen::RowMajor> plus;
-  LeftPoseManifold().PlusJacobian(at.x.data(), plus.data());
-  const Eigen::MatrixXd tangent = jacobian.leftCols<7>() * plus;
-  for (int c = 0; c < 6; ++c) {
-    const auto evaluate = [&](double step) {
-      Vector6d delta = Vector6d::Zero();
-      delta[c] = step;
-      ParameterPoint moved = at;
-      LeftPoseManifold().Plus(at.x.data(), delta.data(), moved.x.data());
-      Eigen::VectorXd r;
-      Residuals(model, observed, moved.Parameters(), &r, nullptr);
-      return r;
-    };
-    const Eigen::VectorXd numeric = (evaluate(kStep) - evaluate(-kStep)) / (2 * kStep);
-    for (Eigen::Index r = 0; r < numeric.size(); ++r)
-      EXPECT_NEAR(tangent(r, c), numeric[r], 1e-5 * (1 + std::abs(numeric[r]))) << r << " " << c;
-  }
+  ASSERT_EQ(at, drawn.at.x.data() + drawn.at.x.size());
+  costs_test::ExpectDerivatives(cost, {RingPose(35)}, others, cost.num_residuals());
 }
 
 TEST(Residuals, VanishOnTheStructureAsBuilt) {
@@ -699,18 +653,13 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
       correlation(i, j) = Matern(clean.faces[static_cast<std::size_t>(i)].p,
                                  clean.faces[static_cast<std::size_t>(j)].p, kLength);
   }
-  const Eigen::MatrixXd root = correlation.ldlt().transpositionsP().transpose() *
-                               (Eigen::MatrixXd(correlation.ldlt().matrixL()) *
-                                correlation.ldlt().vectorD().cwiseMax(0).cwiseSqrt().asDiagonal());
-  ASSERT_TRUE((root * root.transpose()).isApprox(correlation, 1e-9));
+  const Eigen::MatrixXd root = testing_infer::RootOf(correlation);
   for (const double sigma : {0.002, 0.008}) {
     double size = 0, length = 0;
     constexpr int kDraws = 12;
     for (int draw = 0; draw < kDraws; ++draw) {
       RandomStream random(3, static_cast<std::uint64_t>(draw), "warp");
-      Eigen::VectorXd white(n);
-      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
-      const Eigen::VectorXd field = root * white;
+      const Eigen::VectorXd field = root * testing_infer::WhiteNoise(n, random);
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
@@ -787,9 +736,8 @@ TEST(FitNoise, FindsTheScaleOfEdges) {
     constexpr int kDraws = 8;
     for (int draw = 0; draw < kDraws; ++draw) {
       RandomStream random(4, static_cast<std::uint64_t>(draw), "edges");
-      Eigen::VectorXd white(n);
-      for (Eigen::Index i = 0; i < n; ++i) white[i] = random.Normal();
-      const Eigen::VectorXd moved = scale * (clean.edge_root * white);
+      const Eigen::VectorXd moved =
+          scale * (clean.edge_root * testing_infer::WhiteNoise(n, random));
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];

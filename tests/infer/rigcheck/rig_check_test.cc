@@ -24,12 +24,14 @@ namespace {
 
 using namespace testing_infer;
 
-Pose Moved(double x_m, double yaw_rad) {
+Pose Turned(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
   Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(Eigen::Vector3d(0, yaw_rad, 0));
-  pose.translation() = Eigen::Vector3d(x_m, 0, -0.2);
+  pose.linear() = RotationExp(rotation);
+  pose.translation() = translation;
   return pose;
 }
+
+Pose Moved(double x_m, double yaw_rad) { return Turned({0, yaw_rad, 0}, {x_m, 0, -0.2}); }
 
 /// Four sensors with errors of 2 mm and 0.05 deg, of which the calibration has none, and one that
 /// failed. `from`: where the structure's frame stands.
@@ -98,8 +100,7 @@ TEST(RigCheck, NamesWhatMovedAndUpdatesThatAlone) {
   const Pose last_from_now = Moved(0.5, 0.7);
   const Extrinsics last = Rig(Pose::Identity());
   Extrinsics now = Rig(last_from_now);
-  Pose before_from_after = Pose::Identity();
-  before_from_after.translation().x() = 0.05;
+  const Pose before_from_after = Turned({0, 0, 0}, {0.05, 0, 0});
   now.sensors[1].structure_from_sensor = *now.sensors[1].structure_from_sensor * before_from_after;
   now.sensors[1].together = Moved(0.3, 0.1);
   now.captures = {"now.json"};
@@ -169,10 +170,14 @@ Matrix6d Dependent(double sigma_m, double sigma_rad) {
   return root * root.transpose();
 }
 
+Vector6d Normal(RandomStream* random) {
+  Vector6d draw;
+  for (double& x : draw) x = random->Normal();
+  return draw;
+}
+
 Vector6d Drawn(const Matrix6d& covariance, RandomStream* random) {
-  Vector6d normal;
-  for (double& x : normal) x = random->Normal();
-  return covariance.llt().matrixL() * normal;
+  return covariance.llt().matrixL() * Normal(random);
 }
 
 // The new placements stand in a structure frame whose place among the last sensors is uncertain,
@@ -277,12 +282,6 @@ TEST(RigCheck, SaysThatTwoSensorsAreExchanged) {
   EXPECT_EQ(json.at("exchanged").at(0).at("place_of"), "S3");
 }
 
-Vector6d Normal(RandomStream* random) {
-  Vector6d draw;
-  for (int i = 0; i < 6; ++i) draw[i] = random->Normal();
-  return draw;
-}
-
 /// Standard deviations of about 3 mm and 0.1 deg, correlated.
 Matrix6d DrawCovariance(RandomStream* random) {
   Matrix6d root;
@@ -293,13 +292,6 @@ Matrix6d DrawCovariance(RandomStream* random) {
   Matrix6d covariance = spread * spread.transpose();
   covariance.diagonal() += 0.1 * scale.cwiseAbs2();
   return covariance;
-}
-
-Pose Turned(const Eigen::Vector3d& rotation, const Eigen::Vector3d& translation) {
-  Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(rotation);
-  pose.translation() = translation;
-  return pose;
 }
 
 /// Two captures of sensors on a ring, with errors that their covariances describe; the structure
@@ -320,15 +312,13 @@ struct Captures {
       a.name = "S" + std::to_string(i);
       a.covariance = DrawCovariance(&random);
       SensorEstimate b = a;
-      const Vector6d error = a.covariance.llt().matrixL() * Normal(&random);
+      const Vector6d error = Drawn(a.covariance, &random);
       a.structure_from_sensor = PerturbLeft(error, pose);
       const Pose now_from_last = last_from_now.inverse();
       const Matrix6d turn = Adjoint(now_from_last);
       b.covariance =
           turn * (same_errors ? a.covariance : DrawCovariance(&random)) * turn.transpose();
-      const Vector6d other =
-          same_errors ? Vector6d(turn * error)
-                      : Vector6d(Matrix6d(b.covariance.llt().matrixL()) * Normal(&random));
+      const Vector6d other = same_errors ? Vector6d(turn * error) : Drawn(b.covariance, &random);
       b.structure_from_sensor = PerturbLeft(other, now_from_last * pose);
       last.push_back(a);
       now.push_back(b);
@@ -361,38 +351,32 @@ TEST(Movement, ASensorIsNoJudgeOfItself) {
   EXPECT_NEAR(found.sensors[0].translation_m, 0.003, 1e-5);
 }
 
+/// Share of sensors, none of which moved, that are said to have, and the mean variance factor.
+std::pair<double, double> FalseAlarms(int sensors, int trials, const MovementOptions& options,
+                                      int first_seed = 0) {
+  double moved = 0, factor = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    const Captures captures(sensors, static_cast<std::uint64_t>(first_seed + trial));
+    const Movements movements = FindMovements(captures.last, captures.now, options);
+    moved += sensors - Count(movements, Movement::kStayed);
+    factor += movements.variance_factor / trials;
+  }
+  return {moved / (trials * sensors), factor};
+}
+
 TEST(Movement, FalseAlarmsAreAsRareAsTheyShouldBe) {
+  MovementOptions options;
+  options.false_alarm = 0.02;
   for (const int sensors : {3, 8}) {
-    MovementOptions options;
-    options.false_alarm = 0.02;
-    int moved = 0, all = 0;
-    double factor = 0;
-    constexpr int kTrials = 150;
-    for (int trial = 0; trial < kTrials; ++trial) {
-      const Captures captures(sensors, static_cast<std::uint64_t>(trial));
-      const Movements movements = FindMovements(captures.last, captures.now, options);
-      all += sensors;
-      moved += sensors - Count(movements, Movement::kStayed);
-      factor += movements.variance_factor / kTrials;
-    }
-    const double share = static_cast<double>(moved) / all;
+    const auto [share, factor] = FalseAlarms(sensors, 150, options);
     // Two tests, by the stated and by the shown variance, may both accuse.
     EXPECT_LT(share, 0.06) << sensors;
     EXPECT_GT(share, 0.02) << sensors;
     EXPECT_GT(factor, 0.7) << sensors;
   }
-}
-
-// One in 100,000, if nothing else is said, and here of 4,800: with one in 1,000 five would be
-// expected.
-TEST(Movement, FalseAlarmsAreRareUnlessTheyAreAskedFor) {
-  int moved = 0;
-  constexpr int kTrials = 600;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Captures captures(8, static_cast<std::uint64_t>(10000 + trial));
-    moved += 8 - Count(FindMovements(captures.last, captures.now), Movement::kStayed);
-  }
-  EXPECT_EQ(moved, 0);
+  // One in 100,000, if nothing else is said, and here of 4,800: with one in 1,000 five would be
+  // expected.
+  EXPECT_EQ(FalseAlarms(8, 600, {}, 10000).first, 0);
 }
 
 TEST(Movement, FindsTheSensorThatMovedWhereverTheStructureStands) {
@@ -458,8 +442,7 @@ TEST(Movement, WhatIsFoundIsAsStated) {
       sensor.covariance = covariance;
       const Pose pose = Turned({0, 1.0 * i, 0}, {0.1 * i, 0, 0});
       for (std::vector<SensorEstimate>* of : {&last, &now}) {
-        sensor.structure_from_sensor =
-            PerturbLeft(Matrix6d(covariance.llt().matrixL()) * Normal(&random), pose);
+        sensor.structure_from_sensor = PerturbLeft(Drawn(covariance, &random), pose);
         of->push_back(sensor);
       }
     }

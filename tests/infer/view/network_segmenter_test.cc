@@ -63,6 +63,8 @@ TEST(NetworkSegmenter, BringsFramesThereAndLabelsBack) {
   // Turned clockwise, the frame's lowest row is the first column.
   EXPECT_EQ(results[11].confidence(5, 143), 0);
   EXPECT_EQ(results[11].confidence(5, 0), 143);
+  EXPECT_EQ(ruler.Segment(small_depth, small, 2).confidence(5, 0), 154);
+  EXPECT_EQ(ruler.Segment(small_depth, small, 3).confidence(5, 143), 143);
   EXPECT_EQ(ruler.file(), "ruler");
   EXPECT_EQ(ruler.structure().Hash(), PaperStructure().Hash());
 }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <map>
 #include <optional>
 #include <set>
@@ -110,8 +109,7 @@ TEST_F(Markers, CornersAndPosesOfANoiseFreeFrame) {
     const std::optional<Pose> estimated =
         EstimateMarkerPose(View(pose), infrared_, found, structure_);
     ASSERT_TRUE(estimated);
-    EXPECT_LT(ComparePoses(*estimated, pose).translation_m, 0.005);
-    EXPECT_LT(ComparePoses(*estimated, pose).rotation_deg, 0.2);
+    EXPECT_TRUE(Within(ComparePoses(*estimated, pose), 0.005, 0.2));
   }
 }
 
@@ -135,31 +133,6 @@ TEST_F(Markers, PosesOfExactCentres) {
     ASSERT_TRUE(estimated);
     EXPECT_LT(ComparePoses(*estimated, pose).translation_m, 1e-6);
   }
-}
-
-TEST_F(Markers, NoiseAndBlurAreThere) {
-  const Pose pose = RingPose(10);
-  InfraredConfig noisy = NoiseFree();
-  noisy.full_well_electrons = 5000;
-  const GreyImage clean = Picture(pose, NoiseFree()), grainy = Picture(pose, noisy);
-  double squares = 0, expected = 0;
-  for (std::size_t i = 0; i < clean.size(); ++i) {
-    if (clean[i] < 30 || clean[i] > 200) continue;
-    const double electrons = clean[i] / 255.0 * 5000;
-    squares += std::pow(static_cast<double>(grainy[i]) - clean[i], 2);
-    expected += std::pow(255.0 / 5000, 2) * (electrons + 100);
-  }
-  EXPECT_NEAR(squares / expected, 1, 0.1);  // quantisation adds a little
-  EXPECT_EQ(Picture(pose, noisy), grainy);  // the same seed
-  InfraredConfig blurred = NoiseFree();
-  blurred.blur_px = 2;
-  const auto steepest = [](const GreyImage& image) {
-    int step = 0;
-    for (std::size_t i = 1; i < image.size(); ++i)
-      step = std::max(step, std::abs(image[i] - image[i - 1]));
-    return step;
-  };
-  EXPECT_LT(steepest(Picture(pose, blurred)), steepest(clean) / 2);
 }
 
 TEST_F(Markers, TooFewMarkersFixNoPose) {

@@ -17,7 +17,6 @@
 #include "infer/evaluate/suite/write_suite.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -321,49 +320,24 @@ TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
   EXPECT_TRUE(Has(FormatTableJson(data), "\"to_best\""));
 }
 
-/// Counts of pixels that are more blue than red, and more red than blue, in a part of the columns.
-struct Counts {
-  int blue = 0, red = 0;
-};
-Counts Count(const RgbImage& picture, int first, int end) {
-  Counts counts;
-  for (const auto [u, v] : Pixels({first, 0}, {end, picture.height()})) {
-    const Rgb colour = picture(u, v);
-    if (colour.b > colour.r) ++counts.blue;
-    if (colour.r > colour.b) ++counts.red;
-  }
-  return counts;
-}
-
-TEST(Figures, PointsAreVioletOnTheSurfaceAndYellowFarOff) {
+TEST(Figures, PointsHideThoseBehindThemAndShowHowFarOffTheyAre) {
   const Structure structure = PaperStructure();
-  ErrorCloud cloud;
-  // Seen from +x, -z is on the right. The second point is hidden by the first.
-  cloud.points = {{0.6, 0, 0}, {0.3, 0, 0}, {0.3, 0, -0.5}};
-  cloud.distances = {0, 0.2, 0.2};
-  const RgbImage picture = DrawCloud(cloud, structure, 0);
-  const int middle = picture.width() / 2;
-  const Counts left = Count(picture, 0, middle + 20),
-               right = Count(picture, middle + 20, picture.width());
-  EXPECT_EQ(left.blue, 9);
-  EXPECT_EQ(left.red, 0);
-  EXPECT_EQ(right.blue, 0);
-  EXPECT_EQ(right.red, 9);
-  // From behind, the hidden one is in front.
-  const RgbImage behind = DrawCloud(cloud, structure, 180);
-  EXPECT_EQ(Count(behind, 0, behind.width()).blue, 0);
+  // Seen from +x. The second point is hidden by the first.
+  const ErrorCloud near{{{0.6, 0, 0}}, {0}}, both{{{0.6, 0, 0}, {0.3, 0, 0}}, {0, 0.2}};
+  EXPECT_TRUE(DrawCloud(both, structure, 0) == DrawCloud(near, structure, 0));
+  EXPECT_FALSE(DrawCloud(both, structure, 180) == DrawCloud(near, structure, 180));
+  const ErrorCloud far_off{near.points, {0.2}};
+  EXPECT_FALSE(DrawCloud(far_off, structure, 0) == DrawCloud(near, structure, 0));
 }
 
-TEST(Figures, AttentionIsVioletAtZeroAndYellowAtOne) {
+TEST(Figures, AttentionIsBrighterWhereItIsMoreAndDarkWithoutDepth) {
   DepthImage depth(4, 3, 2.0F);
   depth(3, 2) = 0;
   Image<float> attention(4, 3, 0.0F);
   attention(1, 1) = attention(3, 2) = 1;
   const RgbImage picture = DrawAttention(depth, attention);
-  EXPECT_EQ(Count(picture, 0, 4).blue, 10);
-  EXPECT_EQ(Count(picture, 1, 2).red, 1);
-  EXPECT_EQ(Count(picture, 3, 4).red, 1);
-  EXPECT_LT(picture(3, 2).r, picture(1, 1).r);  // without depth, and dark
+  EXPECT_GT(picture(1, 1).r, picture(0, 0).r);
+  EXPECT_LT(picture(3, 2).r, picture(1, 1).r);
   ExpectError<Error>([&] { DrawAttention(depth, Image<float>(3, 4)); }, {"sizes"});
 }
 

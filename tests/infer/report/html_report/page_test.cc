@@ -159,8 +159,7 @@ TEST(AlternativeJson, ShowsTheSensorsThatStandElsewhere) {
                             Pose::Identity())["frames"][0]["outlines_differ"],
             0);
   // In another still's structure the pose is another one.
-  Pose moved = Pose::Identity();
-  moved.translation().x() = 1;
+  const Pose moved(Eigen::Translation3d(1, 0, 0));
   alternative.sensors = {{"S1", 2, moved * at}};
   EXPECT_NEAR(AlternativeJson(alternative, sensors, sensors, structure,
                               moved)["frames"][0]["outlines_differ"],
