@@ -104,13 +104,16 @@ class Inspection {
     });
     Ask(Indices(rest, views.end()), &all);
 
-    std::vector<Hypothesis> moved = Displaced();
-    for (Hypothesis& raised : Raised(Indices(views.begin(), rest)))
-      moved.push_back(std::move(raised));
+    std::vector<Hypothesis> moved = Moved(Indices(views.begin(), rest));
     for (const Hypothesis& each : all) {
       if (each.arrangement.turn_deg == 180) continue;  // a place beside is among the displaced
+      // A box that stands otherwise may also stand a little beside.
       Hypothesis aside = each;
-      for (const std::size_t box : each.arrangement.moved) MoveAside(box, &aside);
+      aside.sought = true;
+      for (const std::size_t box : each.arrangement.moved) {
+        Structure& structure = aside.arrangement.structure;
+        structure = Displaced(structure, {box}, Seek(structure, {box})).structure;
+      }
       moved.push_back(std::move(aside));
     }
     Ask(All(), &moved);
@@ -157,10 +160,10 @@ class Inspection {
   }
 
   /// The offset from their places, m, at which the views show most of boxes that stand elsewhere.
-  Eigen::Vector3d Seek(const Structure& structure, const Indices& moved,
-                       const std::vector<Fit>& poses) const {
+  Eigen::Vector3d Seek(const Structure& structure, const Indices& moved) const {
+    const std::vector<Fit> poses = PosesWithout(structure, moved);
     const auto gain_at = [&](const Eigen::Vector3d& offset) {
-      const Structure there = volalign::Displaced(structure, moved, offset).structure;
+      const Structure there = Displaced(structure, moved, offset).structure;
       double gain = 0;
       for (std::size_t i = 0; i < views_.size(); ++i) {
         if (poses[i])
@@ -189,67 +192,53 @@ class Inspection {
     return best;
   }
 
-  /// Each box, alone and with the boxes on it, beside its place.
-  std::vector<Hypothesis> Displaced() const {
-    std::vector<Hypothesis> displaced;
+  /// These boxes elsewhere, not yet searched for in any view.
+  Hypothesis With(const Indices& moved, const Eigen::Vector3d& offset) const {
+    return {Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true};
+  }
+
+  /// Each box, alone and with the boxes on it, beside its place; and with them above or below it,
+  /// where `asked` show most.
+  std::vector<Hypothesis> Moved(const Indices& asked) const {
+    std::vector<Hypothesis> list;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
       Indices with_above = BoxesAbove(structure_, box);
-      const bool top = with_above.empty();
       with_above.insert(with_above.begin(), box);
-      if (!top) Displace({box}, &displaced);
-      if (with_above.size() == structure_.boxes().size()) continue;
-      Displace(with_above, &displaced);
-    }
-    return displaced;
-  }
-
-  void Displace(const Indices& moved, std::vector<Hypothesis>* displaced) const {
-    const Eigen::Vector3d offset = Seek(structure_, moved, PosesWithout(structure_, moved));
-    if (offset.norm() < 2 * kRoughPose) return;  // that may be sizes, or the lens
-    displaced->push_back(
-        {volalign::Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true});
-  }
-
-  /// Each box, with the boxes on it, above or below its place, where `views` show most.
-  std::vector<Hypothesis> Raised(const Indices& views) const {
-    std::vector<Hypothesis> raised;
-    for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
-      Indices moved = BoxesAbove(structure_, box);
-      moved.insert(moved.begin(), box);
-      const bool all = moved.size() == structure_.boxes().size();
-      std::vector<double> heights;
-      for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
-        if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
+      std::vector<Indices> sets;
+      if (with_above.size() > 1) sets.push_back({box});
+      if (with_above.size() < structure_.boxes().size()) sets.push_back(with_above);
+      for (const Indices& moved : sets) {
+        const Eigen::Vector3d offset = Seek(structure_, moved);
+        // Less may be sizes, or the lens.
+        if (offset.norm() >= 2 * kRoughPose) list.push_back(With(moved, offset));
       }
-      double best_up = 0;
-      std::optional<Hypothesis> best;
-      double step = kSeekStep;
-      for (int round = 1; round <= kRounds; ++round) {
-        std::vector<Hypothesis> tried;
-        for (const double up : heights) {
-          tried.push_back(
-              {volalign::Raised(structure_, moved, up), std::vector<Fit>(views_.size()), true});
-        }
-        Ask(views, &tried);
-        for (std::size_t k = 0; k < tried.size(); ++k) {
-          if (best && !(tried[k].Rank() > best->Rank())) continue;
-          best = tried[k];
-          best_up = heights[k];
-        }
-        step /= 2;
-        heights = {best_up - step, best_up + step};
-      }
-      raised.push_back(std::move(*best));
+      list.push_back(Raised(with_above, asked));
     }
-    return raised;
+    return list;
   }
 
-  /// A box that stands otherwise may also stand a little beside.
-  void MoveAside(std::size_t box, Hypothesis* hypothesis) const {
-    Structure& structure = hypothesis->arrangement.structure;
-    const Eigen::Vector3d offset = Seek(structure, {box}, PosesWithout(structure, {box}));
-    structure = volalign::Displaced(structure, {box}, offset).structure;
-    hypothesis->sought = true;
+  /// Boxes above or below their place, where `asked` show most.
+  Hypothesis Raised(const Indices& moved, const Indices& asked) const {
+    const bool all = moved.size() == structure_.boxes().size();
+    std::vector<double> heights;
+    for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
+      if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
+    }
+    double best_up = 0, step = kSeekStep;
+    std::optional<Hypothesis> best;
+    for (int round = 1; round <= kRounds; ++round) {
+      std::vector<Hypothesis> tried;
+      for (const double up : heights) tried.push_back(With(moved, {0, up, 0}));
+      Ask(asked, &tried);
+      for (std::size_t k = 0; k < tried.size(); ++k) {
+        if (best && !(tried[k].Rank() > best->Rank())) continue;
+        best = tried[k];
+        best_up = heights[k];
+      }
+      step /= 2;
+      heights = {best_up - step, best_up + step};
+    }
+    return *std::move(best);
   }
 
   const Structure& structure_;
