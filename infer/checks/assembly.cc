@@ -30,7 +30,7 @@ using Fit = std::optional<GeometricPose>;
 double Support(const Fit& fit) { return fit ? std::max(0.0, fit->shape.LogOdds()) : 0; }
 
 /// An arrangement, and where the views show it best.
-struct Hypothesis {
+struct StackHypothesis {
   Arrangement arrangement;
   std::vector<Fit> fits;  // of each view
   bool sought = false;    // some boxes were moved to where the views show most of them
@@ -78,11 +78,11 @@ class Inspection {
   }
 
   /// The described one first, then those that explain most.
-  std::vector<Hypothesis> Try() const {
-    std::vector<Hypothesis> all;
+  std::vector<StackHypothesis> Try() const {
+    std::vector<StackHypothesis> all;
     for (Arrangement& arrangement : Arrangements(structure_))
       all.push_back({std::move(arrangement), std::vector<Fit>(views_.size())});
-    std::vector<Hypothesis> tried(all.begin(), all.begin() + 1);
+    std::vector<StackHypothesis> tried(all.begin(), all.begin() + 1);
     all.erase(all.begin());
     Ask(All(), &tried);
 
@@ -96,19 +96,19 @@ class Inspection {
     const auto rest =
         views.begin() + static_cast<std::ptrdiff_t>(std::min(kAskedFirst, views.size()));
     Ask(Indices(views.begin(), rest), &all);
-    const auto is_mirrored = [](const Hypothesis& each) {
+    const auto is_mirrored = [](const StackHypothesis& each) {
       return each.arrangement.code == SensorCode::kAssemblyMirrored;
     };
-    KeepLargest(kBeam, &all, [&](const Hypothesis& each) {
+    KeepLargest(kBeam, &all, [&](const StackHypothesis& each) {
       return is_mirrored(each) ? std::numeric_limits<double>::infinity() : each.Gain();
     });
     Ask(Indices(rest, views.end()), &all);
 
-    std::vector<Hypothesis> moved = Moved(Indices(views.begin(), rest));
-    for (const Hypothesis& each : all) {
+    std::vector<StackHypothesis> moved = Moved(Indices(views.begin(), rest));
+    for (const StackHypothesis& each : all) {
       if (each.arrangement.turn_deg == 180) continue;  // a place beside is among the displaced
       // A box that stands otherwise may also stand a little beside.
-      Hypothesis aside = each;
+      StackHypothesis aside = each;
       aside.sought = true;
       for (const std::size_t box : each.arrangement.moved) {
         Structure& structure = aside.arrangement.structure;
@@ -117,7 +117,7 @@ class Inspection {
       moved.push_back(std::move(aside));
     }
     Ask(All(), &moved);
-    for (std::vector<Hypothesis>* more : {&all, &moved})
+    for (std::vector<StackHypothesis>* more : {&all, &moved})
       std::move(more->begin(), more->end(), std::back_inserter(tried));
     return tried;
   }
@@ -134,9 +134,9 @@ class Inspection {
     return FindBestOnFloors(*views_[view], structure);
   }
 
-  void Ask(const Indices& views, std::vector<Hypothesis>* hypotheses) const {
+  void Ask(const Indices& views, std::vector<StackHypothesis>* hypotheses) const {
     ParallelFor(views.size() * hypotheses->size(), threads_, [&](std::size_t k) {
-      Hypothesis& of = (*hypotheses)[k / views.size()];
+      StackHypothesis& of = (*hypotheses)[k / views.size()];
       const std::size_t view = views[k % views.size()];
       of.fits[view] = Find(view, of.arrangement.structure);
     });
@@ -193,14 +193,14 @@ class Inspection {
   }
 
   /// These boxes elsewhere, not yet searched for in any view.
-  Hypothesis With(const Indices& moved, const Eigen::Vector3d& offset) const {
+  StackHypothesis With(const Indices& moved, const Eigen::Vector3d& offset) const {
     return {Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true};
   }
 
   /// Each box, alone and with the boxes on it, beside its place; and with them above or below it,
   /// where `asked` show most.
-  std::vector<Hypothesis> Moved(const Indices& asked) const {
-    std::vector<Hypothesis> list;
+  std::vector<StackHypothesis> Moved(const Indices& asked) const {
+    std::vector<StackHypothesis> list;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
       Indices with_above = BoxesAbove(structure_, box);
       with_above.insert(with_above.begin(), box);
@@ -218,16 +218,16 @@ class Inspection {
   }
 
   /// Boxes above or below their place, where `asked` show most.
-  Hypothesis Raised(const Indices& moved, const Indices& asked) const {
+  StackHypothesis Raised(const Indices& moved, const Indices& asked) const {
     const bool all = moved.size() == structure_.boxes().size();
     std::vector<double> heights;
     for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
       if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
     }
     double best_up = 0, step = kSeekStep;
-    std::optional<Hypothesis> best;
+    std::optional<StackHypothesis> best;
     for (int round = 1; round <= kRounds; ++round) {
-      std::vector<Hypothesis> tried;
+      std::vector<StackHypothesis> tried;
       for (const double up : heights) tried.push_back(With(moved, {0, up, 0}));
       Ask(asked, &tried);
       for (std::size_t k = 0; k < tried.size(); ++k) {
@@ -249,7 +249,7 @@ class Inspection {
 /// The arrangement of the best hypothesis. Its sentence also names those that are as probable to
 /// within `margin`. A stack without its highest box may be the one without its lowest, seen from
 /// the next side.
-Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& best,
+Arrangement WithEquals(const std::vector<StackHypothesis>& tried, const StackHypothesis& best,
                        double margin) {
   Arrangement result = best.arrangement;
   std::vector<const Arrangement*> named{&best.arrangement};
@@ -275,13 +275,13 @@ struct MirrorImages {
   double log_odds = 0;
 };
 
-MirrorImages FindMirrorImages(const std::vector<Hypothesis>& tried) {
-  const Hypothesis& described = tried.front();
+MirrorImages FindMirrorImages(const std::vector<StackHypothesis>& tried) {
+  const StackHypothesis& described = tried.front();
   MirrorImages mirrored;
   bool others_fit = false;
   for (std::size_t i = 0; i < described.fits.size(); ++i) {
     double image = 0;
-    for (const Hypothesis& each : tried) {
+    for (const StackHypothesis& each : tried) {
       if (each.arrangement.code == SensorCode::kAssemblyMirrored)
         image = std::max(image, Support(each.fits[i]));
     }
@@ -299,19 +299,20 @@ MirrorImages FindMirrorImages(const std::vector<Hypothesis>& tried) {
 
 AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
                                const Structure& structure, int threads) {
-  const std::vector<Hypothesis> tried = Inspection(views, structure, threads).Try();
-  const Hypothesis& described = tried.front();
+  const std::vector<StackHypothesis> tried = Inspection(views, structure, threads).Try();
+  const StackHypothesis& described = tried.front();
   const double decides = std::log(kDecisiveOdds);
   auto most_probable = std::max_element(
       tried.begin(), tried.end(),
-      [](const Hypothesis& a, const Hypothesis& b) { return a.Worth() < b.Worth(); });
+      [](const StackHypothesis& a, const StackHypothesis& b) { return a.Worth() < b.Worth(); });
   // The mirror image comes before others that are as probable: one slip explains all frames.
   const double enough = most_probable->Worth() - decides;
-  const auto mirror_image = std::find_if(tried.begin(), tried.end(), [&](const Hypothesis& each) {
-    return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
-  });
+  const auto mirror_image =
+      std::find_if(tried.begin(), tried.end(), [&](const StackHypothesis& each) {
+        return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
+      });
   if (mirror_image != tried.end()) most_probable = mirror_image;
-  const Hypothesis& best = *most_probable;
+  const StackHypothesis& best = *most_probable;
   AssemblyReport report;
   report.arrangement = described.arrangement;
   report.described_share = report.share = described.Share();

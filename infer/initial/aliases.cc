@@ -19,8 +19,12 @@ namespace {
 
 /// m: motions whose translations differ by less are one motion.
 constexpr double kSameMotion = 2 * kSamePlace;
-/// Cosine of the angle between two verticals below which a motion is called upside down.
-constexpr double kUpsideDown = -0.5;
+/// Cosine of the angle (60 deg) between two verticals below which a motion turns the structure
+/// over. Below its opposite, the structure is upside down.
+constexpr double kTurnedOver = 0.5;
+/// m: bounds of the limit for a very small and a very large structure.
+constexpr double kLeastStep = kRoughPose, kMostStep = 0.2;
+constexpr double kPartOfEdge = 0.5;
 /// deg: a smaller turn is called no turn.
 constexpr double kTurned = 5;
 /// Cosine of the angle within which axes are the same; the most sets of axes that are tried.
@@ -248,6 +252,23 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
   return aliases;
 }
 
+bool SamePose(const Structure& structure, const Pose& a, const Pose& b) {
+  const Pose motion = b * a.inverse();
+  double edge = kMostStep / kPartOfEdge;
+  for (const Box& box : structure.boxes()) edge = std::min(edge, box.size.minCoeff());
+  const double step = std::max(kPartOfEdge * edge, kLeastStep);
+  for (const Box& box : structure.boxes()) {
+    for (const Eigen::Vector3d& corner : box.Corners()) {
+      if (!((motion * corner - corner).norm() <= step)) return false;
+    }
+  }
+  return true;
+}
+
+bool TurnsOver(const Pose& from, const Pose& to) {
+  return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
+}
+
 bool LeavesFloor(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
   return motion.linear()(1, 1) < kFacesAlike || std::abs(motion.translation().y()) > kSameMotion;
@@ -255,8 +276,8 @@ bool LeavesFloor(const Pose& from, const Pose& to) {
 
 std::string DescribeMotion(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
-  if (motion.linear()(1, 1) < kUpsideDown) return "upside down";
-  if (motion.linear()(1, 1) < -kUpsideDown) return "laid on another side";
+  if (motion.linear()(1, 1) < -kTurnedOver) return "upside down";
+  if (motion.linear()(1, 1) < kTurnedOver) return "laid on another side";
   const double turn = std::atan2(motion.linear()(0, 2), motion.linear()(0, 0)) / kDegree;
   const double rise = motion.translation().y();
   if (std::abs(rise) < kSamePlace) {

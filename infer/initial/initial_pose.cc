@@ -2,9 +2,9 @@
 
 #include <optional>
 
+#include "infer/initial/aliases.h"
 #include "infer/initial/paper_pose.h"
 #include "infer/initial/pose_candidates.h"
-#include "infer/initial/same_pose.h"
 #include "infer/initial/visibility_correction.h"
 #include "infer/view/alike.h"
 

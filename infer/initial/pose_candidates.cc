@@ -7,7 +7,7 @@
 
 #include "core/base/lists.h"
 #include "core/geometry/procrustes.h"
-#include "infer/initial/same_pose.h"
+#include "infer/initial/aliases.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

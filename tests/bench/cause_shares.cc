@@ -30,8 +30,6 @@
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
-#include "infer/initial/pose_choice.h"
-#include "infer/initial/same_pose.h"
 #include "infer/report/extrinsics.h"
 #include "infer/segment/load.h"
 #include "infer/view/alike.h"

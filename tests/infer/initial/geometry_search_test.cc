@@ -53,7 +53,7 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
     const Pose truth = RingPose(phi, 2.2, 0.4);
     const SensorView view = See(structure, truth, {false, 0});
     EXPECT_TRUE(Contains(Find(view, structure), truth));
-    EXPECT_TRUE(Choose(view, structure).ambiguous);
+    EXPECT_TRUE(Choose(view, structure).ambiguous());
   }
 }
 
@@ -100,7 +100,7 @@ TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
       const SensorView view = See(structure, truth, {false, wall});
       EXPECT_EQ(Contains(Find(view, structure), truth), wall == 0);
       if (wall == 0) {
-        EXPECT_TRUE(Choose(view, structure).ambiguous);
+        EXPECT_TRUE(Choose(view, structure).ambiguous());
       }
     }
   }
@@ -180,7 +180,7 @@ TEST(FindPosesByGeometry, ASymmetricStackIsAmbiguousOnAFloor) {
     const Pose truth = RingPose(35, 1.8, 0.9, 90, {0, 0.2, 0});
     const SensorView view = See(structure, truth);
     EXPECT_TRUE(Contains(Find(view, structure), truth));
-    EXPECT_TRUE(Choose(view, structure).ambiguous);
+    EXPECT_TRUE(Choose(view, structure).ambiguous());
   }
 }
 

@@ -10,9 +10,8 @@
 #include "infer/initial/agreement.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
-#include "infer/initial/pose_sources.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/rig_choice.h"
-#include "infer/initial/same_pose.h"
 #include "infer/initial/shape_check.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
@@ -128,16 +127,15 @@ Pose Moved(const Pose& pose, double x, double yaw) {
 class Proposals : public testing::Test {
  protected:
   /// Of both sources, where labels have led the network to a pose.
-  std::vector<PoseCandidate> Competitors(const Pose& network, const LabelImage& labels) const {
-    const SegmentationResult segmentation = Certain(labels);
-    InitialPose initial;
-    initial.found = true;
-    initial.structure_from_sensor = network;
-    return FindCompetitors(view_, box_, FindAliases(box_), {{&segmentation, &initial}}, true,
-                           InitialPoseOptions());
+  std::vector<Hypothesis> Hypotheses(const Pose& network, const LabelImage& labels) const {
+    OrientationTrial trial;
+    trial.segmentation = Certain(labels);
+    trial.initial.found = true;
+    trial.initial.structure_from_sensor = network;
+    return FindHypotheses(view_, box_, FindAliases(box_), {&trial}, true, InitialPoseOptions());
   }
   PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
-    return ChooseTogether({{&view_, Competitors(network, labels), {}, 0}}, box_).front();
+    return ChooseTogether({{&view_, Hypotheses(network, labels), 0}}, box_).front();
   }
   LabelImage LabelsAt(const Pose& pose, const DepthErrorModel& errors) const {
     return LabelsFromPose(view_, box_, pose, SurfaceTolerance::AtRoughPose(errors)).labels;
@@ -161,7 +159,7 @@ TEST_F(Proposals, OfBothThatAgreeAreTheNetworks) {
     const PoseChoice choice = Combined(pose, LabelsAt(pose, view_.errors));
     EXPECT_TRUE(IsChosen(choice, pose)) << "labels tell from which end";
     EXPECT_EQ(choice.best.source, PoseSource::kNetwork);
-    EXPECT_FALSE(choice.ambiguous);
+    EXPECT_FALSE(choice.ambiguous());
   }
 }
 
@@ -180,7 +178,7 @@ TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
   const PoseChoice choice = Combined(elsewhere_, few);
   EXPECT_TRUE(IsChosen(choice, truth_) || IsChosen(choice, half_turn_));
   EXPECT_EQ(choice.best.source, PoseSource::kGeometry);
-  EXPECT_TRUE(choice.ambiguous);
+  EXPECT_TRUE(choice.ambiguous());
 }
 
 Structure Cube(double edge) {
