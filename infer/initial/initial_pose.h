@@ -64,7 +64,7 @@ struct InitialPose {
 };
 
 /// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
-/// from sets of patches (pose_candidates.h) and corrected for visibility (visibility_correction.h).
+/// from sets of patches and corrected for visibility (pose_candidates.h).
 /// The candidate with the largest Agreement::score is taken. With `near`, that pose is a candidate
 /// too, and candidates that are not about the same pose are left out.
 ///

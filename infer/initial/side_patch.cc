@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "core/base/random.h"
@@ -208,20 +210,18 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
     const PatchLimits limits{tolerance, 2 * std::hypot(side.half_u, side.half_v)};
     RandomStream random(0, static_cast<std::uint64_t>(label), "side_patch");
     std::vector<int> candidates(pixels.size());
-    for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
-    const std::vector<int> first = FindPatch(points, candidates, limits, kFewestSidePixels, random);
-    if (first.empty()) continue;
-    found.push_back(Describe(view, segmentation, label, pixels, points, first));
-
-    std::vector<char> used(pixels.size(), 0);
-    for (const int i : first) used[static_cast<std::size_t>(i)] = 1;
-    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
-                                    [&](int i) { return used[static_cast<std::size_t>(i)] != 0; }),
-                     candidates.end());
-    const std::vector<int> second =
-        FindPatch(points, candidates, limits, kFewestSidePixels, random);
-    if (kRivalDivisor * second.size() >= first.size()) {
-      found.push_back(Describe(view, segmentation, label, pixels, points, second));
+    std::iota(candidates.begin(), candidates.end(), 0);
+    std::size_t largest = 0;
+    for (int k = 0; k < 2; ++k) {
+      const std::vector<int> members =
+          FindPatch(points, candidates, limits, kFewestSidePixels, random);
+      if (members.empty() || kRivalDivisor * members.size() < largest) break;
+      largest = members.size();
+      found.push_back(Describe(view, segmentation, label, pixels, points, members));
+      std::vector<int> rest;
+      std::set_difference(candidates.begin(), candidates.end(), members.begin(), members.end(),
+                          std::back_inserter(rest));
+      candidates = std::move(rest);
     }
   }
   return found;

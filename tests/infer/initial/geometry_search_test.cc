@@ -67,7 +67,7 @@ TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
     const Pose truth = RingPose(7.0 * i, 1.3 + 0.2 * (i % 5), 0.2 + 0.1 * (i % 4), 90,
                                 {0.15 * (i % 3) - 0.15, 0.3 * (i % 7) - 0.9, 0});
     const SensorView view = See(structure, truth);
-    const SensorSurface surface = PrepareSurface(view, structure);
+    const SensorSurface surface = LookAround(view, structure).surface;
     const std::vector<OrientedPoint> points = PointsOf(surface);
     const auto fitted = [&](const Pose& pose) {
       return MeasureShape(surface, structure,

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/lists.h"
 #include "infer/initial/agreement.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
@@ -51,7 +52,7 @@ class PoseCandidates : public ::testing::Test {
 TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
   Add("top/front");
   Add("mid_top/right");
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure);
+  const auto pose = SolvePose(patches, PatchSet{0, 1}, Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -59,7 +60,7 @@ TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
 // Four centres in a plane alone would leave a mirror image; three in a line a turn about it.
 TEST_F(PoseCandidates, NormalsFixWhatParallelSidesLeaveFree) {
   for (const char* name : {"mid_bottom/front", "mid_top/front", "top/front"}) Add(name);
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1).set(2), Keypoints(), structure);
+  const auto pose = SolvePose(patches, PatchSet{0, 1, 2}, Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -69,7 +70,7 @@ TEST_F(PoseCandidates, SidesAboveEachOtherFixNoTurn) {
                                              Box::FromMinMax("high", {0, 0.8, 0}, {0.4, 1, 0.4})});
   Add("low/up");
   Add("high/up");
-  EXPECT_FALSE(SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure).has_value());
+  EXPECT_FALSE(SolvePose(patches, PatchSet{0, 1}, Keypoints(), structure).has_value());
 }
 
 TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
@@ -85,7 +86,7 @@ TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
   patches[5].normal_sigma = 0.2;  // a sliver, whose normal says little
   const PatchSet agreeing =
       AgreeingPatches(patches, Keypoints(), structure, kMostKeypointError, truth);
-  EXPECT_EQ(agreeing, PatchSet().set(0).set(5));
+  EXPECT_EQ(agreeing, (PatchSet{0, 5}));
 }
 
 TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
@@ -95,8 +96,7 @@ TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
   patches.push_back(WholeSide(structure, "bottom/front", truth));
   patches.push_back(WholeSide(structure, "top/right", truth));
   std::swap(patches[4].label, patches[5].label);
-  patches = LargestPatches(patches);
-  for (std::size_t i = 1; i < patches.size(); ++i) EXPECT_GE(patches[i - 1].area, patches[i].area);
+  SortLargestFirst(&patches, [](const SidePatch& patch) { return patch.area; });
   const std::vector<Pose> poses = FindCandidates(patches, structure, nullptr);
   ASSERT_FALSE(poses.empty());
   ExpectTruth(poses.front());
@@ -304,7 +304,7 @@ TEST(ShapeLogOdds, AtTheTruePoseOnly) {
 // Within the tolerance of a first look, the sides of a box that is turned lie where they should.
 TEST(ShapeLogOdds, NotWhereASideFacesElsewhere) {
   const SensorView view = See(Stack(16), kTruth);
-  EXPECT_TRUE(HasShape(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth)));
+  EXPECT_TRUE(HasShape(MeasureShape(LookAround(view, Stack()).surface, Stack(), kTruth)));
   EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
   EXPECT_TRUE(ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
 }
