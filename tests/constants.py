@@ -23,7 +23,7 @@ LIMITS = {
     "infer/view": 24,
     "infer/lens": 29,
     "infer/depth": 21,
-    "infer/initial": 65,
+    "infer/initial": 62,
     "infer/refine": 46,
     "infer/checks": 31,
     "core/geometry/depth_error_model": 0,

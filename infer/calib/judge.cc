@@ -68,7 +68,7 @@ std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
 
 /// Residuals, errors and status of a located frame at its reported pose.
 void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& suspect_lens,
-                const std::optional<RefutedByPair>& seen_through, const CalibrateOptions& options,
+                const std::optional<SeenThrough>& seen_through, const CalibrateOptions& options,
                 FrameResult* sensor) {
   const SensorFrame& frame = (*joint.seen.capture)[id];
   const auto& located = std::get<LocatedFrame>(joint.located[id]);
@@ -78,8 +78,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   const Pose& pose = *sensor->structure_from_sensor;
   static_cast<PoseQuality&>(*sensor) = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
-      labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose,
-      kLeastConfidence);
+      labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose);
   sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
                                                     joint.seen.capture->structure, sensor->initial)
                                            .rms_m;
@@ -137,8 +136,8 @@ std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& 
 
 /// The result of FindSeenThrough for each frame of a capture. A frame whose pose a person has
 /// chosen takes part, but has no result.
-std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std::size_t still,
-                                                         const CalibrateOptions& options) {
+std::vector<std::optional<SeenThrough>> RefutedInStill(const Joint& joint, std::size_t still,
+                                                       const CalibrateOptions& options) {
   const std::size_t count = joint.located.OfStill(still).size();
   std::vector<const SensorView*> views(count, nullptr);
   std::vector<Pose> poses(count, Pose::Identity());
@@ -148,15 +147,13 @@ std::vector<std::optional<RefutedByPair>> RefutedInStill(const Joint& joint, std
     views[i] = &joint.seen.views[{still, i}];
     poses[i] = solution->second.refined.structure_from_sensor;
   }
-  const std::vector<std::optional<SeenThrough>> found =
+  std::vector<std::optional<SeenThrough>> found =
       FindSeenThrough(views, poses, joint.stacks[still].built, kDecisiveOdds, options.threads);
-  std::vector<std::optional<RefutedByPair>> refuted(count);
   for (std::size_t i = 0; i < count; ++i) {
-    if (!found[i] || joint.seen.labelled[{still, i}].given) continue;
-    refuted[i] = {(*joint.seen.capture)[{still, found[i]->other}].name, found[i]->share,
-                  found[i]->log_odds};
+    if (found[i]) found[i]->name = (*joint.seen.capture)[{still, found[i]->other}].name;
+    if (joint.seen.labelled[{still, i}].given) found[i].reset();
   }
-  return refuted;
+  return found;
 }
 
 /// The result of a frame without the verdict on a located one. Takes its images.
@@ -356,7 +353,7 @@ bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigAlternativ
 CalibrationResult Judge(Joint joint, const StackFinding& stack,
                         const PerFrame<std::optional<Finding>>& suspect_lenses,
                         const CalibrateOptions& options) {
-  std::vector<std::vector<std::optional<RefutedByPair>>> refuted;
+  std::vector<std::vector<std::optional<SeenThrough>>> refuted;
   for (std::size_t still = 0; still < joint.located.stills(); ++still)
     refuted.push_back(RefutedInStill(joint, still, options));
   PerFrame<FrameResult> sensors =

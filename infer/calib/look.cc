@@ -45,8 +45,8 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
                         ChoiceOf(frames[i].name, options.orientation.choose), known[i],
                         priors[i] ? &*priors[i] : nullptr});
   }
-  return LabelViews(requests, seen.capture->structure, segmenter, options.initial,
-                    options.orientation, options.threads, clock);
+  return LabelViews(requests, seen.capture->structure, segmenter, options.initial, options.threads,
+                    clock);
 }
 
 /// Throws ConfigError unless some capture leaves the choice open.

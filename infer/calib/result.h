@@ -14,7 +14,7 @@
 #include "infer/checks/outcome.h"
 #include "infer/checks/rig_findings.h"
 #include "infer/checks/verdict.h"
-#include "infer/initial/pose_choice.h"
+#include "infer/initial/initial_pose.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/refine.h"
 #include "infer/view/segmentation.h"

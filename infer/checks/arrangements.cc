@@ -6,9 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <iterator>
 #include <limits>
-#include <tuple>
+#include <string>
 #include <utility>
 
 #include "infer/view/alike.h"
@@ -94,152 +93,130 @@ bool SameSolids(const std::vector<Box>& a, const std::vector<Box>& b) {
   return Contained(a, b) && Contained(b, a);
 }
 
-/// The described stack.
-struct Stack {
-  const Structure& structure;
-  std::vector<Box> boxes;
-  Eigen::Vector3d column;
-  /// Do the boxes rest on each other? Else the stack keeps its heights.
-  bool settles = false;
-};
-
-std::vector<Box> Settled(std::vector<Box> boxes, const Stack& stack) {
-  return stack.settles ? Settled(std::move(boxes), stack.structure.FloorHeight()) : boxes;
-}
-
-Arrangement WithBoxes(Arrangement arrangement, std::vector<Box> boxes, const Stack& stack) {
-  arrangement.structure = Structure::FromBoxes(stack.structure.name(), std::move(boxes));
-  return arrangement;
-}
-
-std::vector<Arrangement> Missing(const Stack& stack) {
-  std::vector<Arrangement> list;
-  if (stack.boxes.size() < 2) return list;
-  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    std::vector<Box> boxes = stack.boxes;
-    boxes.erase(boxes.begin() + static_cast<std::ptrdiff_t>(i));
-    Arrangement arrangement;
-    arrangement.code = SensorCode::kAssemblyMissing;
-    arrangement.box = stack.boxes[i].name;
-    arrangement.sentence = fmt::format("box {} is missing", arrangement.box);
-    list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
-  }
-  return list;
-}
-
-std::vector<Arrangement> Mirrored(const Stack& stack) {
-  std::vector<Arrangement> list;
-  std::vector<Box> boxes = stack.boxes;
+std::vector<Box> Mirrored(std::vector<Box> boxes, const Eigen::Vector3d& column) {
   for (Box& box : boxes) {
     auto centre = box.structure_from_box.translation();
-    centre.z() = 2 * stack.column.z() - centre.z();
+    centre.z() = 2 * column.z() - centre.z();
     const Eigen::AngleAxisd turn(Eigen::Quaterniond(box.structure_from_box.linear()));
     box.structure_from_box.linear() =
         Eigen::AngleAxisd(-turn.angle(), turn.axis()).toRotationMatrix();
   }
-  Arrangement arrangement;
-  arrangement.code = SensorCode::kAssemblyMirrored;
-  arrangement.sentence = "the stack or the frames are mirrored";
-  list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
-  return list;
+  return boxes;
 }
 
-Arrangement Turned(const Stack& stack, std::size_t i, int quarters, std::vector<Box> boxes) {
-  Arrangement arrangement;
-  arrangement.code = SensorCode::kAssemblyTurned;
-  arrangement.box = stack.boxes[i].name;
-  arrangement.moved = {i};
-  arrangement.turn_deg = 90 * quarters;
-  arrangement.sentence =
-      fmt::format("box {} is turned by {} deg", arrangement.box, arrangement.turn_deg);
-  return WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack);
+/// The box on another edge: its new edges are those of these axes. The boxes under it and on it are
+/// settled about it.
+Box Laid(Box box, const Eigen::Vector3i& axes) {
+  const double height = box.size.y();
+  box.size = Eigen::Vector3d(box.size[axes[0]], box.size[axes[1]], box.size[axes[2]]);
+  box.structure_from_box.translation().y() += (box.size.y() - height) / 2;
+  return box;
 }
 
-std::vector<Arrangement> Turned(const Stack& stack) {
-  std::vector<Arrangement> list;
-  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    std::vector<Box> boxes = stack.boxes;
-    for (int quarters = 1; quarters < 4; ++quarters) {
-      boxes[i] = QuarterTurned(boxes[i], stack.column);
-      list.push_back(Turned(stack, i, quarters, boxes));
-    }
-    boxes[i] = QuarterTurned(stack.boxes[i], Centre(stack.boxes[i]));
-    list.push_back(Turned(stack, i, 1, boxes));
+/// Two boxes exchanged, each in its own place beside the column or in the other one's. Each keeps
+/// its place in the order of heights.
+std::vector<Box> Swapped(std::vector<Box> boxes, std::size_t i, std::size_t j, bool own_place) {
+  const std::vector<Box> before = boxes;
+  for (const auto& [to, from] : {std::pair{i, j}, std::pair{j, i}}) {
+    Box& box = boxes[to];
+    const double bottom = Centre(box).y() - HalfExtent(box).y();
+    box.size = before[from].size;
+    if (own_place) box.structure_from_box = before[from].structure_from_box;
+    box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
   }
-  return list;
+  return boxes;
 }
 
-/// A box with another edge upright, turned either way.
-std::vector<Arrangement> Laid(const Stack& stack) {
-  std::vector<Arrangement> list;
-  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    const Eigen::Vector3d& size = stack.boxes[i].size;
-    for (const auto& [x, y, z] :
-         {std::tuple(0, 2, 1), std::tuple(1, 2, 0), std::tuple(1, 0, 2), std::tuple(2, 0, 1)}) {
-      // The boxes under it and on it are settled about it.
-      std::vector<Box> boxes = stack.boxes;
-      boxes[i].size = {size[x], size[y], size[z]};
-      boxes[i].structure_from_box.translation().y() += (size[y] - size.y()) / 2;
-      Arrangement arrangement;
-      arrangement.code = SensorCode::kAssemblyTurned;
-      arrangement.box = stack.boxes[i].name;
-      arrangement.moved = {i};
-      arrangement.sentence = fmt::format("box {} lies on another edge", arrangement.box);
-      list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
-    }
+/// The described stack and the other arrangements so far.
+class List {
+ public:
+  explicit List(const Structure& structure)
+      : structure_(structure),
+        settles_(Contained(Settled(structure.boxes(), structure.FloorHeight()), structure.boxes())),
+        list_(1) {
+    list_.front().sentence = "the boxes stand as described";
+    list_.front().structure = structure;
   }
-  return list;
-}
 
-std::vector<Arrangement> Swapped(const Stack& stack) {
-  std::vector<Arrangement> list;
-  for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    for (std::size_t j = i + 1; j < stack.boxes.size(); ++j) {
-      for (const bool own_place : {true, false}) {
-        // Each keeps its place in the order of heights.
-        std::vector<Box> boxes = stack.boxes;
-        for (const auto& [to, from] : {std::pair{i, j}, std::pair{j, i}}) {
-          Box& box = boxes[to];
-          const double bottom = Centre(box).y() - HalfExtent(box).y();
-          box.size = stack.boxes[from].size;
-          if (own_place) box.structure_from_box = stack.boxes[from].structure_from_box;
-          box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
-        }
-        Arrangement arrangement;
-        arrangement.code = SensorCode::kAssemblySwapped;
-        arrangement.box = stack.boxes[i].name;
-        arrangement.other_box = stack.boxes[j].name;
-        arrangement.moved = {i, j};
-        arrangement.sentence =
-            fmt::format("boxes {} and {} are swapped", arrangement.box, arrangement.other_box);
-        list.push_back(WithBoxes(std::move(arrangement), Settled(std::move(boxes), stack), stack));
-      }
-    }
+  /// `about`: the boxes that stand otherwise.
+  void Add(SensorCode code, const std::string& sentence, const std::vector<std::size_t>& about,
+           std::vector<Box> boxes, int turn_deg = 0) {
+    // Boxes that do not rest on each other keep their heights.
+    if (settles_) boxes = Settled(std::move(boxes), structure_.FloorHeight());
+    const bool missing = code == SensorCode::kAssemblyMissing;
+    if (!missing && std::any_of(list_.begin(), list_.end(), [&](const Arrangement& other) {
+          return SameSolids(boxes, other.structure.boxes());
+        }))
+      return;
+    Arrangement arrangement;
+    arrangement.code = code;
+    arrangement.sentence = sentence;
+    if (!about.empty()) arrangement.box = structure_.boxes()[about[0]].name;
+    if (about.size() > 1) arrangement.other_box = structure_.boxes()[about[1]].name;
+    if (!missing) arrangement.moved = about;
+    arrangement.turn_deg = turn_deg;
+    arrangement.structure = Structure::FromBoxes(structure_.name(), std::move(boxes));
+    list_.push_back(std::move(arrangement));
   }
-  return list;
-}
+
+  std::vector<Arrangement> Take() { return std::move(list_); }
+
+ private:
+  const Structure& structure_;
+  bool settles_;  // do the boxes rest on each other?
+  std::vector<Arrangement> list_;
+};
 
 }  // namespace
 
 std::vector<Arrangement> Arrangements(const Structure& structure) {
-  Stack stack{structure, structure.boxes(), ColumnOf(structure.boxes()), false};
-  stack.settles = Contained(Settled(stack.boxes, structure.FloorHeight()), stack.boxes);
-
-  std::vector<Arrangement> list(1);
-  list.front().sentence = "the boxes stand as described";
-  list.front().structure = structure;
-  std::vector<Arrangement> missing = Missing(stack);
-  std::move(missing.begin(), missing.end(), std::back_inserter(list));
-  for (std::vector<Arrangement> others :
-       {Mirrored(stack), Turned(stack), Laid(stack), Swapped(stack)}) {
-    for (Arrangement& arrangement : others) {
-      const bool known = std::any_of(list.begin(), list.end(), [&](const Arrangement& other) {
-        return SameSolids(arrangement.structure.boxes(), other.structure.boxes());
-      });
-      if (!known) list.push_back(std::move(arrangement));
+  const std::vector<Box>& described = structure.boxes();
+  const Eigen::Vector3d column = ColumnOf(described);
+  List list(structure);
+  const auto with = [&](std::size_t i, const Box& box) {
+    std::vector<Box> boxes = described;
+    boxes[i] = box;
+    return boxes;
+  };
+  for (std::size_t i = 0; described.size() > 1 && i < described.size(); ++i) {
+    std::vector<Box> boxes = described;
+    boxes.erase(boxes.begin() + static_cast<std::ptrdiff_t>(i));
+    list.Add(SensorCode::kAssemblyMissing, fmt::format("box {} is missing", described[i].name), {i},
+             std::move(boxes));
+  }
+  list.Add(SensorCode::kAssemblyMirrored, "the stack or the frames are mirrored", {},
+           Mirrored(described, column));
+  for (std::size_t i = 0; i < described.size(); ++i) {
+    const auto add = [&](int turn_deg, const Box& box) {
+      list.Add(SensorCode::kAssemblyTurned,
+               fmt::format("box {} is turned by {} deg", box.name, turn_deg), {i}, with(i, box),
+               turn_deg);
+    };
+    Box turned = described[i];
+    for (const int turn_deg : {90, 180, 270}) {
+      turned = QuarterTurned(turned, column);
+      add(turn_deg, turned);
+    }
+    add(90, QuarterTurned(described[i], Centre(described[i])));
+  }
+  for (std::size_t i = 0; i < described.size(); ++i) {
+    for (const Eigen::Vector3i& axes : {Eigen::Vector3i(0, 2, 1), Eigen::Vector3i(1, 2, 0),
+                                        Eigen::Vector3i(1, 0, 2), Eigen::Vector3i(2, 0, 1)}) {
+      list.Add(SensorCode::kAssemblyTurned,
+               fmt::format("box {} lies on another edge", described[i].name), {i},
+               with(i, Laid(described[i], axes)));
     }
   }
-  return list;
+  for (std::size_t i = 0; i < described.size(); ++i) {
+    for (std::size_t j = i + 1; j < described.size(); ++j) {
+      for (const bool own_place : {true, false}) {
+        list.Add(SensorCode::kAssemblySwapped,
+                 fmt::format("boxes {} and {} are swapped", described[i].name, described[j].name),
+                 {i, j}, Swapped(described, i, j, own_place));
+      }
+    }
+  }
+  return list.Take();
 }
 
 std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box) {
@@ -252,39 +229,34 @@ std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box)
   return above;
 }
 
-Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& boxes,
+Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& moved,
                       const Eigen::Vector3d& offset) {
+  std::vector<Box> boxes = structure.boxes();
+  Box below = boxes[moved.front()];
   Arrangement arrangement;
-  arrangement.box = structure.boxes()[boxes.front()].name;
-  arrangement.moved = boxes;
-  std::vector<Pose> motions(structure.boxes().size(), Pose::Identity());
-  for (const std::size_t i : boxes) motions[i] = Eigen::Translation3d(offset);
-  arrangement.structure = structure.Displaced(motions);
-  arrangement.code = SensorCode::kAssemblyShifted;
-  arrangement.sentence = fmt::format(
-      "box {}{} is shifted by {:.0f} cm along x and {:.0f} cm along z", arrangement.box,
-      boxes.size() > 1 ? ", with what stands on it," : "", 100 * offset.x(), 100 * offset.z());
-  return arrangement;
-}
-
-Arrangement Raised(const Structure& structure, const std::vector<std::size_t>& boxes, double up) {
-  std::vector<Box> all = structure.boxes();
-  Box below = all[boxes.front()];
-  Arrangement arrangement;
-  arrangement.code = SensorCode::kAssemblyHeight;
   arrangement.box = below.name;
-  arrangement.sentence = fmt::format("box {}{} stands {:.0f} cm {} than described", arrangement.box,
-                                     boxes.size() > 1 ? ", with what stands on it," : "",
-                                     100 * std::abs(up), up > 0 ? "higher" : "lower");
-  for (const std::size_t i : boxes) all[i].structure_from_box.translation().y() += up;
-  if (boxes.size() == all.size()) {
-    below.name = "below";
-    below.structure_from_box.translation().y() += (up - below.size.y()) / 2;
-    below.size.y() = up;
-    all.push_back(std::move(below));
-    arrangement.sentence = fmt::format("box {} stands higher than described", arrangement.box);
+  const std::string what =
+      fmt::format("box {}{}", below.name, moved.size() > 1 ? ", with what stands on it," : "");
+  for (const std::size_t i : moved) boxes[i].structure_from_box.translation() += offset;
+  const double up = offset.y();
+  if (up == 0) {
+    arrangement.code = SensorCode::kAssemblyShifted;
+    arrangement.moved = moved;
+    arrangement.sentence = fmt::format("{} is shifted by {:.0f} cm along x and {:.0f} cm along z",
+                                       what, 100 * offset.x(), 100 * offset.z());
+  } else {
+    arrangement.code = SensorCode::kAssemblyHeight;
+    arrangement.sentence = fmt::format("{} stands {:.0f} cm {} than described", what,
+                                       100 * std::abs(up), up > 0 ? "higher" : "lower");
+    if (moved.size() == boxes.size()) {
+      arrangement.sentence = fmt::format("box {} stands higher than described", below.name);
+      below.name = "below";
+      below.structure_from_box.translation().y() += (up - below.size.y()) / 2;
+      below.size.y() = up;
+      boxes.push_back(std::move(below));
+    }
   }
-  arrangement.structure = Structure::FromBoxes(structure.name(), std::move(all));
+  arrangement.structure = Structure::FromBoxes(structure.name(), std::move(boxes));
   return arrangement;
 }
 

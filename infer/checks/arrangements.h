@@ -37,13 +37,9 @@ std::vector<Arrangement> Arrangements(const Structure& structure);
 /// The boxes that stand on a box or higher.
 std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box);
 
-/// The arrangement with boxes displaced along the floor by `offset`, m. `boxes`: the lowest one
-/// first.
-Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& boxes,
+/// The arrangement with boxes displaced by `offset`, m, along the floor or along y. If all boxes
+/// are higher, another box stands below them. `moved`: the lowest one first.
+Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& moved,
                       const Eigen::Vector3d& offset);
-
-/// The arrangement with a box, and all that stands on it, higher by `up`, m, or lower. If these are
-/// all boxes, another box stands below them. `boxes`: the lowest one first.
-Arrangement Raised(const Structure& structure, const std::vector<std::size_t>& boxes, double up);
 
 }  // namespace volalign

@@ -30,7 +30,7 @@ using Fit = std::optional<GeometricPose>;
 double Support(const Fit& fit) { return fit ? std::max(0.0, fit->shape.LogOdds()) : 0; }
 
 /// An arrangement, and where the views show it best.
-struct Hypothesis {
+struct StackHypothesis {
   Arrangement arrangement;
   std::vector<Fit> fits;  // of each view
   bool sought = false;    // some boxes were moved to where the views show most of them
@@ -78,11 +78,11 @@ class Inspection {
   }
 
   /// The described one first, then those that explain most.
-  std::vector<Hypothesis> Try() const {
-    std::vector<Hypothesis> all;
+  std::vector<StackHypothesis> Try() const {
+    std::vector<StackHypothesis> all;
     for (Arrangement& arrangement : Arrangements(structure_))
       all.push_back({std::move(arrangement), std::vector<Fit>(views_.size())});
-    std::vector<Hypothesis> tried(all.begin(), all.begin() + 1);
+    std::vector<StackHypothesis> tried(all.begin(), all.begin() + 1);
     all.erase(all.begin());
     Ask(All(), &tried);
 
@@ -96,25 +96,28 @@ class Inspection {
     const auto rest =
         views.begin() + static_cast<std::ptrdiff_t>(std::min(kAskedFirst, views.size()));
     Ask(Indices(views.begin(), rest), &all);
-    const auto is_mirrored = [](const Hypothesis& each) {
+    const auto is_mirrored = [](const StackHypothesis& each) {
       return each.arrangement.code == SensorCode::kAssemblyMirrored;
     };
-    KeepLargest(kBeam, &all, [&](const Hypothesis& each) {
+    KeepLargest(kBeam, &all, [&](const StackHypothesis& each) {
       return is_mirrored(each) ? std::numeric_limits<double>::infinity() : each.Gain();
     });
     Ask(Indices(rest, views.end()), &all);
 
-    std::vector<Hypothesis> moved = Displaced();
-    for (Hypothesis& raised : Raised(Indices(views.begin(), rest)))
-      moved.push_back(std::move(raised));
-    for (const Hypothesis& each : all) {
+    std::vector<StackHypothesis> moved = Moved(Indices(views.begin(), rest));
+    for (const StackHypothesis& each : all) {
       if (each.arrangement.turn_deg == 180) continue;  // a place beside is among the displaced
-      Hypothesis aside = each;
-      for (const std::size_t box : each.arrangement.moved) MoveAside(box, &aside);
+      // A box that stands otherwise may also stand a little beside.
+      StackHypothesis aside = each;
+      aside.sought = true;
+      for (const std::size_t box : each.arrangement.moved) {
+        Structure& structure = aside.arrangement.structure;
+        structure = Displaced(structure, {box}, Seek(structure, {box})).structure;
+      }
       moved.push_back(std::move(aside));
     }
     Ask(All(), &moved);
-    for (std::vector<Hypothesis>* more : {&all, &moved})
+    for (std::vector<StackHypothesis>* more : {&all, &moved})
       std::move(more->begin(), more->end(), std::back_inserter(tried));
     return tried;
   }
@@ -131,9 +134,9 @@ class Inspection {
     return FindBestOnFloors(*views_[view], structure);
   }
 
-  void Ask(const Indices& views, std::vector<Hypothesis>* hypotheses) const {
+  void Ask(const Indices& views, std::vector<StackHypothesis>* hypotheses) const {
     ParallelFor(views.size() * hypotheses->size(), threads_, [&](std::size_t k) {
-      Hypothesis& of = (*hypotheses)[k / views.size()];
+      StackHypothesis& of = (*hypotheses)[k / views.size()];
       const std::size_t view = views[k % views.size()];
       of.fits[view] = Find(view, of.arrangement.structure);
     });
@@ -157,10 +160,10 @@ class Inspection {
   }
 
   /// The offset from their places, m, at which the views show most of boxes that stand elsewhere.
-  Eigen::Vector3d Seek(const Structure& structure, const Indices& moved,
-                       const std::vector<Fit>& poses) const {
+  Eigen::Vector3d Seek(const Structure& structure, const Indices& moved) const {
+    const std::vector<Fit> poses = PosesWithout(structure, moved);
     const auto gain_at = [&](const Eigen::Vector3d& offset) {
-      const Structure there = volalign::Displaced(structure, moved, offset).structure;
+      const Structure there = Displaced(structure, moved, offset).structure;
       double gain = 0;
       for (std::size_t i = 0; i < views_.size(); ++i) {
         if (poses[i])
@@ -189,67 +192,53 @@ class Inspection {
     return best;
   }
 
-  /// Each box, alone and with the boxes on it, beside its place.
-  std::vector<Hypothesis> Displaced() const {
-    std::vector<Hypothesis> displaced;
+  /// These boxes elsewhere, not yet searched for in any view.
+  StackHypothesis With(const Indices& moved, const Eigen::Vector3d& offset) const {
+    return {Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true};
+  }
+
+  /// Each box, alone and with the boxes on it, beside its place; and with them above or below it,
+  /// where `asked` show most.
+  std::vector<StackHypothesis> Moved(const Indices& asked) const {
+    std::vector<StackHypothesis> list;
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
       Indices with_above = BoxesAbove(structure_, box);
-      const bool top = with_above.empty();
       with_above.insert(with_above.begin(), box);
-      if (!top) Displace({box}, &displaced);
-      if (with_above.size() == structure_.boxes().size()) continue;
-      Displace(with_above, &displaced);
-    }
-    return displaced;
-  }
-
-  void Displace(const Indices& moved, std::vector<Hypothesis>* displaced) const {
-    const Eigen::Vector3d offset = Seek(structure_, moved, PosesWithout(structure_, moved));
-    if (offset.norm() < 2 * kRoughPose) return;  // that may be sizes, or the lens
-    displaced->push_back(
-        {volalign::Displaced(structure_, moved, offset), std::vector<Fit>(views_.size()), true});
-  }
-
-  /// Each box, with the boxes on it, above or below its place, where `views` show most.
-  std::vector<Hypothesis> Raised(const Indices& views) const {
-    std::vector<Hypothesis> raised;
-    for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
-      Indices moved = BoxesAbove(structure_, box);
-      moved.insert(moved.begin(), box);
-      const bool all = moved.size() == structure_.boxes().size();
-      std::vector<double> heights;
-      for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
-        if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
+      std::vector<Indices> sets;
+      if (with_above.size() > 1) sets.push_back({box});
+      if (with_above.size() < structure_.boxes().size()) sets.push_back(with_above);
+      for (const Indices& moved : sets) {
+        const Eigen::Vector3d offset = Seek(structure_, moved);
+        // Less may be sizes, or the lens.
+        if (offset.norm() >= 2 * kRoughPose) list.push_back(With(moved, offset));
       }
-      double best_up = 0;
-      std::optional<Hypothesis> best;
-      double step = kSeekStep;
-      for (int round = 1; round <= kRounds; ++round) {
-        std::vector<Hypothesis> tried;
-        for (const double up : heights) {
-          tried.push_back(
-              {volalign::Raised(structure_, moved, up), std::vector<Fit>(views_.size()), true});
-        }
-        Ask(views, &tried);
-        for (std::size_t k = 0; k < tried.size(); ++k) {
-          if (best && !(tried[k].Rank() > best->Rank())) continue;
-          best = tried[k];
-          best_up = heights[k];
-        }
-        step /= 2;
-        heights = {best_up - step, best_up + step};
-      }
-      raised.push_back(std::move(*best));
+      list.push_back(Raised(with_above, asked));
     }
-    return raised;
+    return list;
   }
 
-  /// A box that stands otherwise may also stand a little beside.
-  void MoveAside(std::size_t box, Hypothesis* hypothesis) const {
-    Structure& structure = hypothesis->arrangement.structure;
-    const Eigen::Vector3d offset = Seek(structure, {box}, PosesWithout(structure, {box}));
-    structure = volalign::Displaced(structure, {box}, offset).structure;
-    hypothesis->sought = true;
+  /// Boxes above or below their place, where `asked` show most.
+  StackHypothesis Raised(const Indices& moved, const Indices& asked) const {
+    const bool all = moved.size() == structure_.boxes().size();
+    std::vector<double> heights;
+    for (double up = all ? 0 : -kFarthestUp / 2; up < kFarthestUp; up += kSeekStep) {
+      if (std::abs(up) > 2 * kRoughPose) heights.push_back(up);  // less may be sizes
+    }
+    double best_up = 0, step = kSeekStep;
+    std::optional<StackHypothesis> best;
+    for (int round = 1; round <= kRounds; ++round) {
+      std::vector<StackHypothesis> tried;
+      for (const double up : heights) tried.push_back(With(moved, {0, up, 0}));
+      Ask(asked, &tried);
+      for (std::size_t k = 0; k < tried.size(); ++k) {
+        if (best && !(tried[k].Rank() > best->Rank())) continue;
+        best = tried[k];
+        best_up = heights[k];
+      }
+      step /= 2;
+      heights = {best_up - step, best_up + step};
+    }
+    return *std::move(best);
   }
 
   const Structure& structure_;
@@ -260,7 +249,7 @@ class Inspection {
 /// The arrangement of the best hypothesis. Its sentence also names those that are as probable to
 /// within `margin`. A stack without its highest box may be the one without its lowest, seen from
 /// the next side.
-Arrangement WithEquals(const std::vector<Hypothesis>& tried, const Hypothesis& best,
+Arrangement WithEquals(const std::vector<StackHypothesis>& tried, const StackHypothesis& best,
                        double margin) {
   Arrangement result = best.arrangement;
   std::vector<const Arrangement*> named{&best.arrangement};
@@ -286,13 +275,13 @@ struct MirrorImages {
   double log_odds = 0;
 };
 
-MirrorImages FindMirrorImages(const std::vector<Hypothesis>& tried) {
-  const Hypothesis& described = tried.front();
+MirrorImages FindMirrorImages(const std::vector<StackHypothesis>& tried) {
+  const StackHypothesis& described = tried.front();
   MirrorImages mirrored;
   bool others_fit = false;
   for (std::size_t i = 0; i < described.fits.size(); ++i) {
     double image = 0;
-    for (const Hypothesis& each : tried) {
+    for (const StackHypothesis& each : tried) {
       if (each.arrangement.code == SensorCode::kAssemblyMirrored)
         image = std::max(image, Support(each.fits[i]));
     }
@@ -310,19 +299,20 @@ MirrorImages FindMirrorImages(const std::vector<Hypothesis>& tried) {
 
 AssemblyReport InspectAssembly(const std::vector<const SensorView*>& views,
                                const Structure& structure, int threads) {
-  const std::vector<Hypothesis> tried = Inspection(views, structure, threads).Try();
-  const Hypothesis& described = tried.front();
+  const std::vector<StackHypothesis> tried = Inspection(views, structure, threads).Try();
+  const StackHypothesis& described = tried.front();
   const double decides = std::log(kDecisiveOdds);
   auto most_probable = std::max_element(
       tried.begin(), tried.end(),
-      [](const Hypothesis& a, const Hypothesis& b) { return a.Worth() < b.Worth(); });
+      [](const StackHypothesis& a, const StackHypothesis& b) { return a.Worth() < b.Worth(); });
   // The mirror image comes before others that are as probable: one slip explains all frames.
   const double enough = most_probable->Worth() - decides;
-  const auto mirror_image = std::find_if(tried.begin(), tried.end(), [&](const Hypothesis& each) {
-    return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
-  });
+  const auto mirror_image =
+      std::find_if(tried.begin(), tried.end(), [&](const StackHypothesis& each) {
+        return each.arrangement.code == SensorCode::kAssemblyMirrored && each.Worth() > enough;
+      });
   if (mirror_image != tried.end()) most_probable = mirror_image;
-  const Hypothesis& best = *most_probable;
+  const StackHypothesis& best = *most_probable;
   AssemblyReport report;
   report.arrangement = described.arrangement;
   report.described_share = report.share = described.Share();

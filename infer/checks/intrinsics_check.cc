@@ -36,39 +36,11 @@ double Score(const LabelledDepth& frame, const Intrinsics& intrinsics, const Str
   return pose.found ? pose.agreement.score() : 0;
 }
 
-Intrinsics WithFocalFactor(Intrinsics intrinsics, double factor) {
-  intrinsics.fx *= factor;
-  intrinsics.fy *= factor;
-  return intrinsics;
-}
-
 /// Place of the peak of the parabola through three values at -1, 0 and 1; the middle one is the
 /// largest.
 double ParabolaPeak(double before, double middle, double after) {
   const double bend = before - 2 * middle + after;
   return bend < 0 ? std::clamp(0.5 * (before - after) / bend, -0.5, 0.5) : 0;
-}
-
-/// The factor on the focal lengths that scores best, and its score. `score`: of a factor.
-template <class ScoreOfFactor>
-std::pair<double, double> BestFocalFactor(double given_score, const ScoreOfFactor& score) {
-  const double step = std::log(kMaxFocalFactor) / kFocalSteps;
-  std::vector<double> scores;
-  for (int k = -kFocalSteps; k <= kFocalSteps; ++k)
-    scores.push_back(k == 0 ? given_score : score(std::exp(k * step)));
-  const auto peak =
-      static_cast<int>(std::max_element(scores.begin(), scores.end()) - scores.begin());
-  double at = peak - kFocalSteps, best = scores[static_cast<std::size_t>(peak)];
-  if (peak > 0 && peak < 2 * kFocalSteps) {
-    const double shift = ParabolaPeak(scores[static_cast<std::size_t>(peak) - 1], best,
-                                      scores[static_cast<std::size_t>(peak) + 1]);
-    const double between = score(std::exp((at + shift) * step));
-    if (between > best) {
-      at += shift;
-      best = between;
-    }
-  }
-  return {std::exp(at * step), best};
 }
 
 }  // namespace
@@ -80,18 +52,28 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
                                                      const InitialPoseOptions& initial) {
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const LabelledDepth frame{view, stride, Decimate(segmentation, stride)};
-  const auto score = [&](const Intrinsics& intrinsics) {
-    return Score(frame, intrinsics, structure, initial);
-  };
   BetterIntrinsics best;
-  best.given_score = score(given);
-  const auto [factor, focal_score] =
-      BestFocalFactor(best.given_score, [&](double f) { return score(WithFocalFactor(given, f)); });
-  best.score = focal_score;
-  best.intrinsics = WithFocalFactor(given, factor);
-  best.size = std::abs(factor - 1);
-  best.change = fmt::format("fx = {:.1f}, fy = {:.1f}", best.intrinsics.fx, best.intrinsics.fy);
-
+  best.given_score = best.score = Score(frame, given, structure, initial);
+  const auto consider = [&](const Intrinsics& other, const std::string& change, double size) {
+    const double score = Score(frame, other, structure, initial);
+    if (score > best.score) best = {other, change, best.given_score, score, size};
+    return score;
+  };
+  const auto consider_focal = [&](double steps) {
+    const double factor = std::pow(kMaxFocalFactor, steps / kFocalSteps);
+    Intrinsics other = given;
+    other.fx *= factor;
+    other.fy *= factor;
+    return consider(other, fmt::format("fx = {:.1f}, fy = {:.1f}", other.fx, other.fy),
+                    std::abs(factor - 1));
+  };
+  std::vector<double> scores;
+  for (int k = -kFocalSteps; k <= kFocalSteps; ++k)
+    scores.push_back(k == 0 ? best.given_score : consider_focal(k));
+  const auto peak = std::max_element(scores.begin(), scores.end());
+  if (peak != scores.begin() && peak + 1 != scores.end())
+    consider_focal(static_cast<double>(peak - scores.begin()) - kFocalSteps +
+                   ParabolaPeak(peak[-1], peak[0], peak[1]));
   for (const auto& [cx, cy] : {std::pair{given.cy, given.cx},
                                std::pair{(given.width - 1) / 2.0, (given.height - 1) / 2.0}}) {
     const double shift = std::hypot((cx - given.cx) / given.fx, (cy - given.cy) / given.fy);
@@ -99,10 +81,7 @@ std::optional<BetterIntrinsics> FindBetterIntrinsics(const SensorView& view,
     Intrinsics moved = given;
     moved.cx = cx;
     moved.cy = cy;
-    const double moved_score = score(moved);
-    if (moved_score <= best.score) continue;
-    best = {moved, fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy), best.given_score, moved_score,
-            shift};
+    consider(moved, fmt::format("cx = {:.1f}, cy = {:.1f}", cx, cy), shift);
   }
   if (best.score < kLeastScore || best.score < best.given_score + kLeastGain ||
       best.size < kLeastChange)

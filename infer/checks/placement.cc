@@ -13,8 +13,8 @@
 #include "infer/checks/prior_use.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/agreement.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/pose_priors.h"
-#include "infer/initial/pose_sources.h"
 #include "infer/initial/shape_check.h"
 
 namespace volalign {

@@ -52,7 +52,8 @@ class Pairs {
 
   /// The sensor that shows most clearly that this one is elsewhere.
   SeenThrough Clearest(std::size_t i, const std::vector<char>& out) const {
-    SeenThrough clearest{size_};
+    SeenThrough clearest;
+    clearest.other = size_;
     double least = 0;
     for (std::size_t j = 0; j < size_; ++j) {
       const double log_odds = LogOddsOfPairs(Of(i, j));

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "core/geometry/pose.h"
@@ -13,6 +14,7 @@ namespace volalign {
 /// A sensor whose pose is refuted by points beside the structure, its own and the others'.
 struct SeenThrough {
   std::size_t other = 0;  ///< the sensor that shows it most clearly
+  std::string name;       ///< of that sensor; for the caller to set
   /// Share of the surfaces of each other that the two could have seen and that one sees through.
   double share = 0;
   double log_odds = 0;  ///< natural logarithm, for its pose, by all its pairs

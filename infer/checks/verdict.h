@@ -10,6 +10,7 @@
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
+#include "infer/checks/seen_through.h"
 #include "infer/refine/refine.h"
 #include "infer/view/alike.h"
 
@@ -62,13 +63,6 @@ struct ContradictedSensors {
   PoseError apart;                 ///< their pose for it, compared with its own
 };
 
-/// Points of a sensor and another one beside the structure refute the sensor's pose.
-struct RefutedByPair {
-  std::string name;     ///< of the other sensor
-  double share = 0;     ///< SeenThrough::share
-  double log_odds = 0;  ///< SeenThrough::log_odds
-};
-
 /// Facts about a placed sensor, for its verdict.
 struct VerdictFacts {
   PoseQuality quality;                               ///< at the reported pose
@@ -83,7 +77,7 @@ struct VerdictFacts {
   std::string other_pose;                            ///< Labelled::other_pose
   double log_odds = 0;                               ///< of the pose against that one, natural
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
-  std::optional<RefutedByPair> seen_through;         ///< FindSeenThrough
+  std::optional<SeenThrough> seen_through;           ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
   std::optional<double> shape_log_odds;              ///< LocatedFrame::shape_log_odds
   std::string unsettled;                             ///< last moves of the joint solution, or empty

@@ -7,10 +7,10 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <unordered_map>
 #include <utility>
 
 #include "core/base/lists.h"
+#include "core/geometry/kd_tree.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -19,23 +19,25 @@ namespace {
 
 /// m: motions whose translations differ by less are one motion.
 constexpr double kSameMotion = 2 * kSamePlace;
-/// Cosine of the angle between two verticals below which a motion is called upside down.
-constexpr double kUpsideDown = -0.5;
+/// Cosine of the angle (60 deg) between two verticals below which a motion turns the structure
+/// over. Below its opposite, the structure is upside down.
+constexpr double kTurnedOver = 0.5;
+/// m: bounds of the limit for a very small and a very large structure.
+constexpr double kLeastStep = kRoughPose, kMostStep = 0.2;
+constexpr double kPartOfEdge = 0.5;
 /// deg: a smaller turn is called no turn.
 constexpr double kTurned = 5;
 /// Cosine of the angle within which axes are the same; the most sets of axes that are tried.
 const double kAligned = std::cos(kTurned * kDegree);
 constexpr std::size_t kMostAxes = kBeam / 2;
-/// Far above rounding errors of coordinates, far below tolerances, m.
-constexpr double kRounding = 1e-6;
 
-using Corners = std::array<Eigen::Vector3d, 8>;
-
-/// Is every corner of one box near some corner of the other?
-bool SameSolid(const Corners& a, const Corners& b, double distance) {
-  return std::all_of(a.begin(), a.end(), [&](const Eigen::Vector3d& p) {
-    return std::any_of(b.begin(), b.end(),
-                       [&](const Eigen::Vector3d& q) { return (p - q).norm() < distance; });
+/// Does the motion bring every corner of one box near some corner of the other?
+bool BringsOnto(const Pose& motion, const Box& from, const Box& to) {
+  const auto corners = from.Corners(), there = to.Corners();
+  return std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& p) {
+    return std::any_of(there.begin(), there.end(), [&](const Eigen::Vector3d& q) {
+      return (motion * p - q).norm() < kSamePlace;
+    });
   });
 }
 
@@ -86,142 +88,45 @@ std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
   return turns;
 }
 
-/// Points on a grid whose cells are as large as the distance of the search.
-class PointGrid {
- public:
-  explicit PointGrid(double distance) : distance_(distance) {}
-
-  void Add(const Eigen::Vector3d& point, int value) { cells_[CellOf(point)].push_back(value); }
-
-  /// Calls visit(value) for every point within the distance of `point`, and for some that are
-  /// farther away.
-  template <class Visit>
-  void VisitNear(const Eigen::Vector3d& point, const Visit& visit) const {
-    const Cell middle = CellOf(point);
-    for (int dx = -1; dx <= 1; ++dx) {
-      for (int dy = -1; dy <= 1; ++dy) {
-        for (int dz = -1; dz <= 1; ++dz) {
-          const auto cell = cells_.find({middle[0] + dx, middle[1] + dy, middle[2] + dz});
-          if (cell == cells_.end()) continue;
-          for (const int value : cell->second) visit(value);
-        }
-      }
-    }
-  }
-
- private:
-  using Cell = std::array<std::int64_t, 3>;
-  struct Hash {
-    std::size_t operator()(const Cell& cell) const {
-      std::uint64_t hash = 0;
-      for (const std::int64_t x : cell)
-        hash = (hash ^ static_cast<std::uint64_t>(x)) * 0x9e3779b97f4a7c15u;
-      return static_cast<std::size_t>(hash ^ hash >> 32);
-    }
-  };
-  Cell CellOf(const Eigen::Vector3d& point) const {
-    return {static_cast<std::int64_t>(std::floor(point.x() / distance_)),
-            static_cast<std::int64_t>(std::floor(point.y() / distance_)),
-            static_cast<std::int64_t>(std::floor(point.z() / distance_))};
-  }
-
-  double distance_;
-  std::unordered_map<Cell, std::vector<int>, Hash> cells_;
-};
-
-/// `side_centres` has the index of each of the structure's sides at the side's centre.
-std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const PointGrid& side_centres,
-                                      const Pose& motion) {
+/// Labels of the structure's sides after a motion.
+std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const Pose& motion) {
   std::vector<std::uint8_t> after(static_cast<std::size_t>(structure.num_classes()), 0);
   for (int label = 1; label < structure.num_classes(); ++label) {
     const Side& side = structure.SideOfLabel(label);
-    const Eigen::Vector3d centre = motion * side.centre;
-    int last = -1;
-    side_centres.VisitNear(centre, [&](int index) {
-      const Side& other = structure.sides()[static_cast<std::size_t>(index)];
-      if ((centre - other.centre).norm() < kSamePlace &&
+    for (const Side& other : structure.sides()) {
+      if ((motion * side.centre - other.centre).norm() < kSamePlace &&
           (motion.linear() * side.normal).dot(other.normal) > kSameNormal)
-        last = std::max(last, index);
-    });
-    if (last >= 0)
-      after[static_cast<std::size_t>(label)] =
-          structure.sides()[static_cast<std::size_t>(last)].label;
+        after[static_cast<std::size_t>(label)] = other.label;
+    }
   }
   return after;
 }
 
-/// A translation that, after a turn, brings one box onto another.
-struct Fit {
-  std::size_t from = 0, to = 0;
-};
+KdTree MiddlesOf(const std::vector<Box>& boxes) {
+  std::vector<Eigen::Vector3d> middles;
+  for (const Box& box : boxes) middles.push_back(box.structure_from_box.translation());
+  return KdTree(std::move(middles));
+}
 
-/// For one turn: all pairs of boxes of which the first comes to lie on the second by a translation.
-/// A symmetry needs a fit for each box that it moves onto a box. Most translations have too few;
-/// only the others are examined box by box.
-class Fits {
- public:
-  Fits(const std::vector<Corners>& corners, const Eigen::Matrix3d& turn)
-      : corners_(corners), by_translation_(kSamePlace) {
-    for (std::size_t from = 0; from < corners.size(); ++from) {
-      Corners turned = corners[from];
-      for (Eigen::Vector3d& p : turned) p = turn * p;
-      for (std::size_t to = 0; to < corners.size(); ++to) AddPair(turned, from, to);
-    }
+/// Boxes that the motion brings onto a box; 0 if they are less than half. `middles`: of the boxes.
+int CountMoved(const std::vector<Box>& boxes, const KdTree& middles, const Pose& motion) {
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    if (2 * (i - moved) > boxes.size()) return 0;
+    const Eigen::Vector3d middle = motion * boxes[i].structure_from_box.translation();
+    const int onto = middles.Nearest(middle, 2 * kSamePlace).index;
+    if (onto >= 0 && BringsOnto(motion, boxes[i], boxes[static_cast<std::size_t>(onto)])) ++moved;
   }
-
-  /// Boxes that the motion, which has the turn, brings onto a box; 0 if they are less than half.
-  int CountBoxes(const Pose& motion) const {
-    std::vector<Fit> near;
-    by_translation_.VisitNear(motion.translation(), [&](int index) {
-      near.push_back(fits_[static_cast<std::size_t>(index)]);
-    });
-    if (2 * near.size() < corners_.size()) return 0;
-    std::vector<char> fitted(corners_.size(), 0);
-    int boxes = 0;
-    for (const Fit& fit : near) {
-      if (fitted[fit.from]) continue;
-      Corners moved = corners_[fit.from];
-      for (Eigen::Vector3d& p : moved) p = motion * p;
-      if (!SameSolid(moved, corners_[fit.to], kSamePlace)) continue;
-      fitted[fit.from] = 1;
-      ++boxes;
-    }
-    return 2 * boxes < static_cast<int>(corners_.size()) ? 0 : boxes;
-  }
-
- private:
-  /// The first corner has to come within kSamePlace of some corner of the other box. A motion that
-  /// brings it there may shift the others by as much again.
-  void AddPair(const Corners& turned, std::size_t from, std::size_t to) {
-    for (const Eigen::Vector3d& corner : corners_[to]) {
-      const Eigen::Vector3d translation = corner - turned[0];
-      Corners moved = turned;
-      for (Eigen::Vector3d& p : moved) p += translation;
-      if (!SameSolid(moved, corners_[to], 2 * kSamePlace + kRounding)) continue;
-      by_translation_.Add(translation, static_cast<int>(fits_.size()));
-      fits_.push_back({from, to});
-    }
-  }
-
-  const std::vector<Corners>& corners_;
-  std::vector<Fit> fits_;
-  PointGrid by_translation_;  // of indices into fits_
-};
+  return 2 * moved < boxes.size() ? 0 : static_cast<int>(moved);
+}
 
 }  // namespace
 
 std::vector<StructureAlias> FindAliases(const Structure& structure) {
   const std::vector<Box>& boxes = structure.boxes();
-  std::vector<Corners> corners;
-  corners.reserve(boxes.size());
-  for (const Box& box : boxes) corners.push_back(box.Corners());
-  PointGrid side_centres(kSamePlace);
-  for (std::size_t i = 0; i < structure.sides().size(); ++i)
-    side_centres.Add(structure.sides()[i].centre, static_cast<int>(i));
-
+  const KdTree middles = MiddlesOf(boxes);
   std::vector<StructureAlias> aliases;
   for (const Eigen::Matrix3d& turn : TurnsBetween(boxes)) {
-    const Fits fits(corners, turn);
     const std::size_t first = aliases.size();
     for (const Box& from : boxes) {
       for (const Box& to : boxes) {
@@ -234,18 +139,35 @@ std::vector<StructureAlias> FindAliases(const Structure& structure) {
         };
         const bool identity =
             turn.trace() > 1 + 2 * kAligned && alias.motion.translation().norm() < kSameMotion;
-        if (identity ||
+        if (identity || !BringsOnto(alias.motion, from, to) ||
             std::any_of(aliases.begin() + static_cast<std::ptrdiff_t>(first), aliases.end(), same))
           continue;
-        alias.boxes = fits.CountBoxes(alias.motion);
+        alias.boxes = CountMoved(boxes, middles, alias.motion);
         if (alias.boxes == 0) continue;
-        alias.label_after = LabelsAfter(structure, side_centres, alias.motion);
+        alias.label_after = LabelsAfter(structure, alias.motion);
         aliases.push_back(std::move(alias));
       }
     }
   }
   SortLargestFirst(&aliases, [](const StructureAlias& alias) { return alias.boxes; });
   return aliases;
+}
+
+bool SamePose(const Structure& structure, const Pose& a, const Pose& b) {
+  const Pose motion = b * a.inverse();
+  double edge = kMostStep / kPartOfEdge;
+  for (const Box& box : structure.boxes()) edge = std::min(edge, box.size.minCoeff());
+  const double step = std::max(kPartOfEdge * edge, kLeastStep);
+  for (const Box& box : structure.boxes()) {
+    for (const Eigen::Vector3d& corner : box.Corners()) {
+      if (!((motion * corner - corner).norm() <= step)) return false;
+    }
+  }
+  return true;
+}
+
+bool TurnsOver(const Pose& from, const Pose& to) {
+  return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
 }
 
 bool LeavesFloor(const Pose& from, const Pose& to) {
@@ -255,8 +177,8 @@ bool LeavesFloor(const Pose& from, const Pose& to) {
 
 std::string DescribeMotion(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
-  if (motion.linear()(1, 1) < kUpsideDown) return "upside down";
-  if (motion.linear()(1, 1) < -kUpsideDown) return "laid on another side";
+  if (motion.linear()(1, 1) < -kTurnedOver) return "upside down";
+  if (motion.linear()(1, 1) < kTurnedOver) return "laid on another side";
   const double turn = std::atan2(motion.linear()(0, 2), motion.linear()(0, 0)) / kDegree;
   const double rise = motion.translation().y();
   if (std::abs(rise) < kSamePlace) {

@@ -24,6 +24,14 @@ struct StructureAlias {
 /// Every such motion except the identity. Motions that move the most boxes onto boxes come first.
 std::vector<StructureAlias> FindAliases(const Structure& structure);
 
+/// Are these estimates of about the same pose? The motion between them then moves no corner of the
+/// structure by more than half of its smallest edge, limited to 3 to 20 cm. Steps and turns that
+/// make a structure look alike move it farther.
+bool SamePose(const Structure& structure, const Pose& a, const Pose& b);
+
+/// Does one of two poses of a sensor turn the structure over?
+bool TurnsOver(const Pose& from, const Pose& to);
+
 /// Does the structure stand on another floor at `to` than at `from`?
 bool LeavesFloor(const Pose& from, const Pose& to);
 

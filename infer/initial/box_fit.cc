@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "infer/initial/stack_outline.h"
+
 namespace volalign {
 
 namespace {
@@ -44,14 +46,10 @@ struct Target {
 
 Target MakeTarget(const Structure& structure) {
   Target target;
-  Eigen::AlignedBox3d bounds;
   for (const Side& side : structure.sides()) {
     if (side.exposed_area > 0 || side.face == Face::kDown) target.sides.push_back(&side);
-    for (int k = 0; k < 4; ++k) {
-      bounds.extend(side.centre + (k & 1 ? 1 : -1) * side.half_u * side.axis_u +
-                    (k & 2 ? 1 : -1) * side.half_v * side.axis_v);
-    }
   }
+  const Eigen::AlignedBox3d bounds = BoundsOf(structure);
   target.middle = bounds.center();
   target.radius = bounds.sizes().norm() / 2;
   target.floor = structure.FloorHeight();

@@ -11,6 +11,7 @@
 #include "infer/depth/explain_view.h"
 #include "infer/depth/share_odds.h"
 #include "infer/initial/oriented_points.h"
+#include "infer/initial/stack_outline.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -56,11 +57,7 @@ double LowerFloor(const std::vector<LowPoint>& points, int pixels) {
 class Foot {
  public:
   explicit Foot(const Structure& structure)
-      : structure_(structure), height_(structure.FloorHeight()) {
-    for (const Box& box : structure.boxes()) {
-      for (const Eigen::Vector3d& corner : box.Corners()) bounds_.extend(corner);
-    }
-  }
+      : structure_(structure), height_(structure.FloorHeight()), bounds_(BoundsOf(structure)) {}
 
   double height() const { return height_; }
   bool IsNear(const Eigen::Vector3d& p) const {

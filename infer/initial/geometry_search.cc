@@ -11,10 +11,10 @@
 #include "core/base/lists.h"
 #include "core/base/odds.h"
 #include "core/base/stop.h"
+#include "infer/initial/aliases.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
-#include "infer/initial/same_pose.h"
 #include "infer/initial/shape_check.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
@@ -111,11 +111,11 @@ class Search {
     return StandsOnFloor(best) ? std::optional(best) : std::nullopt;
   }
 
-  /// Keeps those with the structure's shape and a floor round them: a side of the structure itself
-  /// may have been taken for the floor.
-  Poses VerifyOnFloors(Poses poses) const {
+  /// Keeps those with the structure's shape that stand on a floor; without `on_floor`, those that
+  /// do not float. A side of the structure itself may have been taken for the floor.
+  Poses Verified(Poses poses, bool on_floor) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
-      return !HasShape(pose.shape) || !StandsOnFloor(pose);
+      return !HasShape(pose.shape) || (on_floor ? !StandsOnFloor(pose) : FloorAt(pose).Floats());
     });
   }
 
@@ -134,21 +134,12 @@ class Search {
     return found;
   }
 
-  Poses VerifyWithoutFloor(Poses poses) const {
-    return Without(std::move(poses), [&](const GeometricPose& pose) {
-      return !HasShape(pose.shape) ||
-             FindFloor(view_.surface.view, structure_, pose.structure_from_sensor).Floats();
-    });
-  }
-
   /// The largest sum of the log odds of shape and floor among the poses; minus infinity without
   /// any.
   double BestWithFloor(const Poses& poses) const {
     double best = -std::numeric_limits<double>::infinity();
-    for (const GeometricPose& pose : poses) {
-      const FloorFit floor = FindFloor(view_.surface.view, structure_, pose.structure_from_sensor);
-      best = std::max(best, pose.shape.LogOdds() + floor.LogOdds());
-    }
+    for (const GeometricPose& pose : poses)
+      best = std::max(best, pose.shape.LogOdds() + FloorAt(pose).LogOdds());
     return best;
   }
 
@@ -156,12 +147,8 @@ class Search {
   Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
     Poses moved;
     for (const GeometricPose& pose : poses) {
-      for (const StructureAlias& alias : aliases) {
-        moved.push_back(pose);
-        moved.back().structure_from_sensor = alias.motion * pose.structure_from_sensor;
-        moved.back().shape =
-            MeasureShape(view_.first_look, structure_, moved.back().structure_from_sensor);
-      }
+      for (const StructureAlias& alias : aliases)
+        moved.push_back(Measured(alias.motion * pose.structure_from_sensor, false));
     }
     SortByGain(&moved);
     Poses all = poses;
@@ -176,8 +163,14 @@ class Search {
     std::move(more.begin(), more.end(), std::back_inserter(*all));
   }
 
-  bool StandsOnFloor(const GeometricPose& pose) const {
-    return FindFloor(view_.surface.view, structure_, pose.structure_from_sensor).balance() > 0;
+  FloorFit FloorAt(const GeometricPose& pose) const {
+    return FindFloor(view_.surface.view, structure_, pose.structure_from_sensor);
+  }
+  bool StandsOnFloor(const GeometricPose& pose) const { return FloorAt(pose).balance() > 0; }
+
+  /// The pose as the first look or, with `closely`, as all rays show it.
+  GeometricPose Measured(const Pose& pose, bool closely) const {
+    return {pose, MeasureShape(closely ? view_.surface : view_.first_look, structure_, pose)};
   }
 
   /// One list for each floor, the best pose first.
@@ -194,9 +187,7 @@ class Search {
     Poses poses;
     for (const StackCandidate& candidate : candidates) {
       ThrowIfStopped();
-      poses.push_back(
-          {candidate.structure_from_sensor,
-           MeasureShape(view_.first_look, structure_, candidate.structure_from_sensor)});
+      poses.push_back(Measured(candidate.structure_from_sensor, false));
     }
     SortByGain(&poses);
     return poses;
@@ -206,11 +197,9 @@ class Search {
     if (poses.size() > kMostFitted) poses.resize(kMostFitted);
     BoxFit fit;
     fit.floor = floor;
-    for (GeometricPose& pose : poses) {
-      pose.structure_from_sensor = FitToBoxes(floor ? view_.floor_points : view_.points, structure_,
-                                              fit, pose.structure_from_sensor);
-      pose.shape = MeasureShape(view_.first_look, structure_, pose.structure_from_sensor);
-    }
+    const std::vector<OrientedPoint>& points = floor ? view_.floor_points : view_.points;
+    for (GeometricPose& pose : poses)
+      pose = Measured(FitToBoxes(points, structure_, fit, pose.structure_from_sensor), false);
     SortByGain(&poses);
     return Distinct(poses, structure_);
   }
@@ -219,26 +208,24 @@ class Search {
   /// explains more: few sides may leave a direction open, but not every floor is flat.
   Poses FitWell(Poses poses, bool floor) const {
     if (poses.size() > kBeam) poses.resize(kBeam);
+    const auto fitted = [&](const GeometricPose& pose, bool to_floor) {
+      const BoxFit fit{4, 1500, 2 * kRoughPose, kRoughPose, to_floor};
+      return Measured(FitToBoxes(to_floor ? view_.floor_points : view_.points, structure_, fit,
+                                 pose.structure_from_sensor),
+                      true);
+    };
     for (GeometricPose& pose : poses) {
       // A pose that no floor fixes may be off by degrees at first.
-      GeometricPose alone = FitWell(pose, view_.points, false);
+      GeometricPose alone = fitted(pose, false);
       for (int round = 1; round <= kRounds; ++round) {
-        const GeometricPose again = FitWell(alone, view_.points, false);
+        const GeometricPose again = fitted(alone, false);
         if (!(again.shape.Gain() > alone.shape.Gain())) break;
         alone = again;
       }
-      pose = floor ? FitWell(pose, view_.floor_points, true) : alone;
-      if (alone.shape.Gain() > pose.shape.Gain()) pose = alone;
+      if (floor) pose = fitted(pose, true);
+      if (!floor || alone.shape.Gain() > pose.shape.Gain()) pose = alone;
     }
     return poses;
-  }
-
-  GeometricPose FitWell(GeometricPose pose, const std::vector<OrientedPoint>& points,
-                        bool floor) const {
-    const BoxFit fit{4, 1500, 2 * kRoughPose, kRoughPose, floor};
-    pose.structure_from_sensor = FitToBoxes(points, structure_, fit, pose.structure_from_sensor);
-    pose.shape = MeasureShape(view_.surface, structure_, pose.structure_from_sensor);
-    return pose;
   }
 
   const SurfaceInRoom& view_;
@@ -280,10 +267,6 @@ SurfaceInRoom LookAround(const SensorView& view, const Structure& structure) {
   return seen;
 }
 
-SensorSurface PrepareSurface(const SensorView& view, const Structure& structure) {
-  return LookAround(view, structure).surface;
-}
-
 std::optional<GeometricPose> FindBestOnFloors(const SurfaceInRoom& view,
                                               const Structure& structure) {
   return Search(view, structure).BestOnFloors();
@@ -294,12 +277,12 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   const SurfaceInRoom surface = LookAround(view, structure);
   const Search search(surface, structure);
   const Poses on_floors = search.CandidatesOnFloors(false);
-  Poses found = search.VerifyOnFloors(on_floors);
+  Poses found = search.Verified(on_floors, true);
   // A shape with poor odds may be other boxes that stand on the floor.
   if (BestShape(found) < std::log(kDecisiveOdds)) {
     Poses candidates = search.CandidatesWithoutFloor();
     candidates.insert(candidates.end(), on_floors.begin(), on_floors.end());
-    Poses others = search.VerifyWithoutFloor(std::move(candidates));
+    Poses others = search.Verified(std::move(candidates), false);
     if (search.BestWithFloor(others) > search.BestWithFloor(found)) found = std::move(others);
   }
   found = Compete(std::move(found), structure);

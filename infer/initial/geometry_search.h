@@ -26,9 +26,6 @@ struct SurfaceInRoom {
 };
 SurfaceInRoom LookAround(const SensorView& view, const Structure& structure);
 
-/// The view's surface for MeasureShape (view_fit.h).
-SensorSurface PrepareSurface(const SensorView& view, const Structure& structure);
-
 /// Is it more probable than not that the view shows the structure at this pose?
 inline bool HasShape(const ViewFit& shape) { return shape.LogOdds() > 0; }
 

@@ -2,10 +2,10 @@
 
 #include <optional>
 
+#include "core/base/lists.h"
+#include "infer/initial/aliases.h"
 #include "infer/initial/paper_pose.h"
 #include "infer/initial/pose_candidates.h"
-#include "infer/initial/same_pose.h"
-#include "infer/initial/visibility_correction.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -18,13 +18,14 @@ constexpr double kMostOff = 2 * kRoughPose;
 InitialPose SearchPose(const SensorView& view, const SegmentationResult& segmentation,
                        const Structure& structure, const Pose* near) {
   InitialPose result;
-  result.patches = LargestPatches(CollectPatches(view, segmentation, structure));
+  result.patches = CollectPatches(view, segmentation, structure);
+  SortLargestFirst(&result.patches, [](const SidePatch& patch) { return patch.area; });
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const SensorView coarse = Decimate(view, stride);
   const SegmentationResult coarse_labels = Decimate(segmentation, stride);
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   const auto compare = [&](const Pose& pose) {
-    return CompareWithView(coarse, coarse_labels, structure, pose, kLeastConfidence, tolerance);
+    return CompareWithView(coarse, coarse_labels, structure, pose, tolerance);
   };
 
   const auto correct = [&](const SensorView& by, double max_distance_m, const Pose& pose) {

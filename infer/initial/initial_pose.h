@@ -13,13 +13,23 @@
 
 namespace volalign {
 
-/// Sources of initial poses.
+/// Sources of initial poses that a person chooses from.
 enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
 constexpr Words<PoseMethod, 4> WordsOf(PoseMethod) {
   return {{{"auto", PoseMethod::kAuto},
            {"network", PoseMethod::kNetwork},
            {"geometry", PoseMethod::kGeometry},
            {"paper", PoseMethod::kPaper}}};
+}
+
+/// Source of an initial pose: the network's labels, the structure's geometry, the other sensors, or
+/// a prior.
+enum class PoseSource { kNetwork, kGeometry, kNeighbours, kPrior };
+constexpr Words<PoseSource, 4> WordsOf(PoseSource) {
+  return {{{"network", PoseSource::kNetwork},
+           {"geometry", PoseSource::kGeometry},
+           {"neighbours", PoseSource::kNeighbours},
+           {"prior", PoseSource::kPrior}}};
 }
 
 struct InitialPoseOptions {
@@ -54,7 +64,7 @@ struct InitialPose {
 };
 
 /// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
-/// from sets of patches (pose_candidates.h) and corrected for visibility (visibility_correction.h).
+/// from sets of patches and corrected for visibility (pose_candidates.h).
 /// The candidate with the largest Agreement::score is taken. With `near`, that pose is a candidate
 /// too, and candidates that are not about the same pose are left out.
 ///

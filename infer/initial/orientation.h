@@ -8,7 +8,6 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/initial_pose.h"
-#include "infer/initial/pose_choice.h"
 #include "infer/view/pose_prior.h"
 #include "infer/view/segmenter.h"
 #include "infer/view/sensor_view.h"
@@ -34,11 +33,21 @@ struct LabelRequest {
   /// Clockwise turns into the network's orientation, 0-3; kAutoTurns: they are to be found.
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
-  int chosen = 0;      ///< SensorCandidates::chosen
+  int chosen = 0;      ///< SensorHypotheses::chosen
   /// The pose that this frame keeps, or null. With a pose it gets no labels, and the poses of the
   /// other frames are chosen to agree with it.
   const Pose* known = nullptr;
   const PosePrior* prior = nullptr;  ///< of its pose in this capture; null: none
+};
+
+/// A pose that a sensor has in another set of the rig's poses.
+struct PoseAlternative {
+  int rig = 0;  ///< number of the set; sensors with another pose in one set share it
+  /// 2 for the sensor's most probable other pose, 3 for the next. The same pose in another set has
+  /// the same number.
+  int number = 2;
+  double log_odds = 0;  ///< natural logarithm, of the chosen set against that one
+  Pose structure_from_sensor = Pose::Identity();
 };
 
 /// A frame with its labels, and the pose that follows from them.
@@ -69,13 +78,13 @@ struct Labelled {
 /// that this does not settle is tried in the three others. Sensors of a rig are usually mounted
 /// alike, so the turn that settles it is tried next on the other open views. Views that stay open
 /// are tried in all four. Where not exactly one orientation is beyond doubt, the poses of all
-/// orientations and their symmetries (StructureAlias) compete. Frames of one size go through the
-/// network together. Unless `initial.method` leaves geometry out, it proposes poses too
-/// (pose_sources.h). Without a `segmenter` (null), it proposes all of them. Adds "segmentation" and
-/// "initial_pose" to `clock`.
+/// orientations and their symmetries (StructureAlias) are hypotheses. Unless `initial.method`
+/// leaves geometry out, it proposes poses too (FindPosesByGeometry). Without a `segmenter` (null),
+/// it proposes all of them. Frames of one size go through the network together. Adds "segmentation"
+/// and "initial_pose" to `clock`.
 std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const Structure& structure,
                                  Segmenter* segmenter, const InitialPoseOptions& initial,
-                                 const OrientationOptions& options, int threads, StageClock* clock);
+                                 int threads, StageClock* clock);
 
 /// Finds the initial pose of a view again, near the old one, after its rays have changed. A
 /// network's labels stay as they are. Where geometry found the pose, the view is labelled again by

@@ -111,7 +111,7 @@ std::vector<OrientationTrial> TryOrientations(const LabelContext& context) {
   return all;
 }
 
-OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials) {
+const OrientationTrial* BestTrial(const std::vector<const OrientationTrial*>& trials) {
   const auto rank = [](const OrientationTrial* t) {
     return std::make_tuple(Settled(*t), t->initial.found, t->by_view + t->by_floor);
   };

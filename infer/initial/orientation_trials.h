@@ -2,7 +2,6 @@
 
 // The network's results in different orientations. Not for callers of LabelViews.
 
-#include <cstddef>
 #include <vector>
 
 #include "core/base/stage_clock.h"
@@ -10,7 +9,7 @@
 #include "infer/initial/aliases.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/orientation.h"
-#include "infer/view/segmentation.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign::pose_internal {
@@ -22,20 +21,8 @@ struct LabelContext {
   const std::vector<StructureAlias> aliases;
   Segmenter* segmenter;
   const InitialPoseOptions& initial;
-  const OrientationOptions& options;
   int threads;
   StageClock* clock;
-};
-
-/// A view in one orientation, with the network's labels and the pose that follows from them.
-struct OrientationTrial {
-  std::size_t view = 0;
-  int turns = 0;
-  SegmentationResult segmentation;
-  InitialPose initial;
-  // Natural logarithms of the odds of the pose:
-  double by_view = 0;   // by depths and labels
-  double by_floor = 0;  // against that of any symmetry (FloorMargin)
 };
 
 /// Is the trial beyond doubt? Labels and depths then fit the structure, and it stands on a floor.
@@ -46,6 +33,6 @@ bool Settled(const OrientationTrial& trial);
 std::vector<OrientationTrial> TryOrientations(const LabelContext& context);
 
 /// The most probable trial.
-OrientationTrial* BestTrial(const std::vector<OrientationTrial*>& trials);
+const OrientationTrial* BestTrial(const std::vector<const OrientationTrial*>& trials);
 
 }  // namespace volalign::pose_internal

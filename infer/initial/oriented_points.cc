@@ -86,69 +86,50 @@ RoomPlane Fit(const std::vector<OrientedPoint>& points, const std::vector<char>&
   return plane;
 }
 
-/// A pixel on a plane.
-struct PlanePixel {
-  int u, v;
-  double area;               // m^2
-  std::pair<int, int> cell;  // of the plane
+/// The pixels in one cell of a plane.
+struct PlaneCell {
+  double area = 0;  // m^2
+  std::vector<std::pair<int, int>> pixels;
+  bool visited = false;
 };
 
-/// `cell`: its edge, m.
-std::vector<PlanePixel> PixelsOn(const RoomPlane& plane, const SensorSurface& surface,
-                                 double cell) {
-  const SensorView& view = surface.view;
+/// Marks the pixels of the plane's parts that are larger than `largest` m^2. Neighbouring cells
+/// belong to one part. A side of the structure may lie in one plane with a strip of a wall far
+/// behind it.
+void MarkLargeParts(const RoomPlane& plane, double largest, SensorSurface* surface) {
+  const SensorView& view = surface->view;
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   const Eigen::Vector3d x = plane.normal.unitOrthogonal(), y = plane.normal.cross(x);
-  std::vector<PlanePixel> pixels;
+  const double edge = std::sqrt(largest) / kPartCells;
+  using Place = std::pair<int, int>;
+  std::map<Place, PlaneCell> cells;
   view.VisitMeasured(1, [&](int u, int v) {
-    const Eigen::Vector3d normal = surface.normals(u, v).cast<double>();
-    if (!(normal.squaredNorm() > 0)) return;
+    const Eigen::Vector3d normal = surface->normals(u, v).cast<double>();
     const Eigen::Vector3d p = view.Point(u, v);
-    if (!Lies(p, normal, plane, tolerance)) return;
-    pixels.push_back({u,
-                      v,
-                      view.PixelArea(u, v, p.z(), normal),
-                      {static_cast<int>(std::floor(p.dot(x) / cell)),
-                       static_cast<int>(std::floor(p.dot(y) / cell))}});
+    if (!(normal.squaredNorm() > 0) || !Lies(p, normal, plane, tolerance)) return;
+    PlaneCell& cell = cells[{static_cast<int>(std::floor(p.dot(x) / edge)),
+                             static_cast<int>(std::floor(p.dot(y) / edge))}];
+    cell.area += view.PixelArea(u, v, p.z(), normal);
+    cell.pixels.emplace_back(u, v);
   });
-  return pixels;
-}
-
-/// The parts of a plane, by cell. Neighbouring cells belong to one part.
-std::map<std::pair<int, int>, int> PartsOf(const std::vector<PlanePixel>& pixels) {
-  std::map<std::pair<int, int>, int> parts;
-  for (const PlanePixel& pixel : pixels) parts[pixel.cell] = -1;
-  int count = 0;
-  for (auto& [first, part] : parts) {
-    if (part >= 0) continue;
-    part = count;
-    std::vector<std::pair<int, int>> open = {first};
-    while (!open.empty()) {
-      const auto [x, y] = open.back();
-      open.pop_back();
-      for (int k = 0; k < 9; ++k) {
-        const auto next = parts.find({x + k % 3 - 1, y + k / 3 - 1});
-        if (next == parts.end() || next->second >= 0) continue;
-        next->second = count;
-        open.push_back(next->first);
-      }
+  for (const auto& [first, cell] : cells) {
+    std::vector<Place> part;
+    double area = 0;
+    const auto visit = [&](const Place& place) {
+      const auto at = cells.find(place);
+      if (at == cells.end() || std::exchange(at->second.visited, true)) return;
+      area += at->second.area;
+      part.push_back(place);
+    };
+    visit(Place(first));
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      for (int k = 0; k < 9; ++k)
+        visit(Place(part[i].first + k % 3 - 1, part[i].second + k / 3 - 1));
     }
-    ++count;
-  }
-  return parts;
-}
-
-/// Marks the pixels of the plane's parts that are larger than `largest` m^2. A side of the
-/// structure may lie in one plane with a strip of a wall far behind it.
-void MarkLargeParts(const RoomPlane& plane, double largest, SensorSurface* surface) {
-  const std::vector<PlanePixel> pixels = PixelsOn(plane, *surface, std::sqrt(largest) / kPartCells);
-  const std::map<std::pair<int, int>, int> parts = PartsOf(pixels);
-  std::vector<double> areas(parts.size(), 0);
-  for (const PlanePixel& pixel : pixels)
-    areas[static_cast<std::size_t>(parts.at(pixel.cell))] += pixel.area;
-  for (const PlanePixel& pixel : pixels) {
-    if (areas[static_cast<std::size_t>(parts.at(pixel.cell))] > largest)
-      surface->room(pixel.u, pixel.v) = 1;
+    for (const Place& place : part) {
+      if (!(area > largest)) break;
+      for (const auto& [u, v] : cells.at(place).pixels) surface->room(u, v) = 1;
+    }
   }
 }
 

@@ -7,7 +7,8 @@
 
 #include "core/base/lists.h"
 #include "core/geometry/procrustes.h"
-#include "infer/initial/same_pose.h"
+#include "core/geometry/visibility.h"
+#include "infer/initial/aliases.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -36,26 +37,21 @@ struct Candidate {
   double area = 0;  // of the members, m^2
 };
 
-struct PatchSetLess {
-  bool operator()(const PatchSet& a, const PatchSet& b) const {
-    return a.to_ullong() < b.to_ullong();
-  }
-};
-using CandidateMap = std::map<PatchSet, Candidate, PatchSetLess>;
-
-/// All patches, all but one, and every pair and triple of the largest ones.
+/// All patches, all but one, and every pair and triple of the first ones.
 std::vector<PatchSet> StartSets(std::size_t patches) {
   std::vector<PatchSet> sets;
   PatchSet all;
-  for (std::size_t i = 0; i < patches; ++i) all.set(i);
+  for (std::size_t i = 0; i < patches; ++i) all.insert(i);
   sets.push_back(all);
-  for (std::size_t i = 0; i < patches; ++i) sets.push_back(PatchSet(all).reset(i));
+  for (std::size_t i = 0; i < patches; ++i) {
+    sets.push_back(all);
+    sets.back().erase(i);
+  }
   const std::size_t combined = std::min(patches, kCombinedPatches);
   for (std::size_t i = 0; i < combined; ++i) {
     for (std::size_t j = i + 1; j < combined; ++j) {
-      sets.push_back(PatchSet().set(i).set(j));
-      for (std::size_t k = j + 1; k < combined; ++k)
-        sets.push_back(PatchSet().set(i).set(j).set(k));
+      sets.push_back({i, j});
+      for (std::size_t k = j + 1; k < combined; ++k) sets.push_back({i, j, k});
     }
   }
   return sets;
@@ -68,7 +64,7 @@ std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& pa
   std::optional<Pose> pose;
   bool stable = false;
   for (int round = 0; round <= kRounds && !stable; ++round) {
-    if (members.count() < 2) return std::nullopt;
+    if (members.size() < 2) return std::nullopt;
     pose = SolvePose(patches, members, keypoints, structure);
     if (!pose) return std::nullopt;
     if (round == kRounds) break;
@@ -78,21 +74,43 @@ std::optional<Candidate> Grow(PatchSet members, const std::vector<SidePatch>& pa
     members = agreeing;
   }
   Candidate candidate{*pose, members, 0};
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    if (members[i]) candidate.area += patches[i].area;
-  }
+  for (const std::size_t i : members) candidate.area += patches[i].area;
   return candidate;
 }
 
 /// Weight of a patch. A large one outweighs a sliver, but two large ones are equals.
 double Trust(const SidePatch& patch) { return patch.area / (patch.area + kHalfTrustArea); }
 
-}  // namespace
+struct ShownPart {
+  double area = 0;                                   // m^2
+  Eigen::Vector3d moment = Eigen::Vector3d::Zero();  // area times centroid, sensor frame
+};
 
-std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches) {
-  KeepLargest(kMaxPatches, &patches, [](const SidePatch& patch) { return patch.area; });
-  return patches;
+/// By label.
+std::vector<ShownPart> ShownParts(const SensorView& view, const Structure& structure,
+                                  const Pose& structure_from_sensor) {
+  const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
+  std::vector<ShownPart> shown(static_cast<std::size_t>(structure.num_classes()));
+  for (int v = 0; v < view.height(); ++v) {
+    for (int u = 0; u < view.width(); ++u) {
+      const int label = model.labels(u, v);
+      // Where something stands in front, or nothing was measured, the patch lacks the pixel too.
+      if (label == 0 || !(view.depth(u, v) > model.depth(u, v) - kFarthestOff)) continue;
+      const Eigen::Vector2f& ray = view.rays.at(u, v);
+      const double z = model.depth(u, v);
+      const Eigen::Vector3d p(z * ray.x(), z * ray.y(), z);
+      const Eigen::Vector3d normal =
+          structure_from_sensor.linear().transpose() * structure.SideOfLabel(label).normal;
+      const double area = view.PixelArea(u, v, z, normal);
+      ShownPart& part = shown[static_cast<std::size_t>(label)];
+      part.area += area;
+      part.moment += area * p;
+    }
+  }
+  return shown;
 }
+
+}  // namespace
 
 std::vector<Eigen::Vector3d> SideKeypoints(const std::vector<SidePatch>& patches,
                                            const Structure& structure) {
@@ -110,8 +128,7 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
   std::vector<double> weights;
   Eigen::Vector3d source_mean = Eigen::Vector3d::Zero(), target_mean = Eigen::Vector3d::Zero();
   double total = 0;
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    if (!members[i]) continue;
+  for (const std::size_t i : members) {
     source.push_back(patches[i].centroid);
     target.push_back(keypoints[i]);
     weights.push_back(Trust(patches[i]) / (kKeypointSigma * kKeypointSigma));
@@ -123,8 +140,7 @@ std::optional<Pose> SolvePose(const std::vector<SidePatch>& patches, const Patch
   target_mean /= total;
   // Two points on either side of the mean leave the translation alone and turn the pose towards the
   // normal.
-  for (std::size_t i = 0; i < patches.size(); ++i) {
-    if (!members[i]) continue;
+  for (const std::size_t i : members) {
     const SidePatch& patch = patches[i];
     const double sigma = std::hypot(patch.normal_sigma, kNormalSigma);
     for (const double arm : {-1.0, 1.0}) {
@@ -157,14 +173,14 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
       nearest[patch.label] = {distance, i};
   }
   PatchSet agreeing;
-  for (const auto& [label, patch] : nearest) agreeing.set(patch.second);
+  for (const auto& [label, patch] : nearest) agreeing.insert(patch.second);
   return agreeing;
 }
 
 std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
                                  const Pose* near) {
   const std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure);
-  CandidateMap unique;
+  std::map<PatchSet, Candidate> unique;
   for (const PatchSet& start : StartSets(patches.size())) {
     if (const auto candidate = Grow(start, patches, keypoints, structure))
       unique.emplace(candidate->members, *candidate);
@@ -178,6 +194,32 @@ std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const St
   poses.reserve(candidates.size());
   for (const Candidate& candidate : candidates) poses.push_back(candidate.pose);
   return poses;
+}
+
+std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
+                                              const std::vector<SidePatch>& patches,
+                                              const Structure& structure,
+                                              const Pose& structure_from_sensor) {
+  const std::vector<ShownPart> shown = ShownParts(view, structure, structure_from_sensor);
+  std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure);
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    const ShownPart& part = shown[static_cast<std::size_t>(patches[i].label)];
+    if (!(part.area > 0) || part.area < kLeastShown * patches[i].area) continue;
+    keypoints[i] = structure_from_sensor * Eigen::Vector3d(part.moment / part.area);
+  }
+  return keypoints;
+}
+
+std::optional<Pose> CorrectForVisibility(const SensorView& view,
+                                         const std::vector<SidePatch>& patches,
+                                         const Structure& structure, double max_distance_m,
+                                         const Pose& structure_from_sensor) {
+  const std::vector<Eigen::Vector3d> keypoints =
+      VisibleKeypoints(view, patches, structure, structure_from_sensor);
+  const PatchSet agreeing =
+      AgreeingPatches(patches, keypoints, structure, max_distance_m, structure_from_sensor);
+  if (agreeing.size() < 2) return std::nullopt;
+  return SolvePose(patches, agreeing, keypoints, structure);
 }
 
 }  // namespace volalign

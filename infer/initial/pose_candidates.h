@@ -1,26 +1,21 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <bitset>
 #include <cstddef>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/side_patch.h"
+#include "infer/view/sensor_view.h"
 
 namespace volalign {
 
-/// Most patches from which a pose is searched for.
-inline constexpr std::size_t kMaxPatches = 64;
-
 /// Indices of patches.
-using PatchSet = std::bitset<kMaxPatches>;
-
-/// At most kMaxPatches patches, the largest first.
-std::vector<SidePatch> LargestPatches(std::vector<SidePatch> patches);
+using PatchSet = std::set<std::size_t>;
 
 /// m: largest distance between a side's keypoint and the measured one if they agree.
 inline constexpr double kMostKeypointError = 0.2;
@@ -42,10 +37,25 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
                          const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
                          double max_distance_m, const Pose& structure_from_sensor);
 
-/// Poses from all patches, from all but one, and from every pair and triple of the largest ones.
+/// Poses from all patches, from all but one, and from every pair and triple of the first ones.
 /// Each is solved again with the patches that agree with it. The eight with the largest area of
 /// such patches are returned, the largest first. With `near`, only poses that are about that one.
 std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
                                  const Pose* near);
+
+/// For each patch, the centroid of the visible part of its side from the pose, structure frame, m.
+/// Where that part is much smaller than the patch, the side's keypoint.
+std::vector<Eigen::Vector3d> VisibleKeypoints(const SensorView& view,
+                                              const std::vector<SidePatch>& patches,
+                                              const Structure& structure,
+                                              const Pose& structure_from_sensor);
+
+/// Solves the pose again with VisibleKeypoints, because the centroid of a half-hidden side is not
+/// that of the side. It uses the patches that agree with the pose within `max_distance_m`. Nothing
+/// if these fix no pose.
+std::optional<Pose> CorrectForVisibility(const SensorView& view,
+                                         const std::vector<SidePatch>& patches,
+                                         const Structure& structure, double max_distance_m,
+                                         const Pose& structure_from_sensor);
 
 }  // namespace volalign

@@ -12,8 +12,8 @@
 
 #include "core/base/odds.h"
 #include "infer/depth/measured_view.h"
+#include "infer/initial/aliases.h"
 #include "infer/initial/pose_priors.h"
-#include "infer/initial/same_pose.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -35,51 +35,38 @@ using Choice = std::vector<int>;
 /// choice by more than evidence is ambiguous.
 enum class Count { kFit, kOrientation, kAll };
 
-/// A pose that a sensor may have, which stands for all candidates that are about the same.
-struct Option {
-  PoseCandidate pose;  // the one that suits best (SuitsBetter), with the most evidence of any
-  int upright = 0;     // UprightTurns
-  int turns = 0;       // into the network's orientation
-};
-
-/// Which of two poses about the same is kept: a network's rather than geometry's, then the one with
+/// Hypotheses that are not about the same pose. Each stands for all that are about its pose, with
+/// the most evidence of any. A network's is kept rather than geometry's, then the one with
 /// better labels of its own.
-bool SuitsBetter(const PoseCandidate& pose, const PoseCandidate& than) {
-  const auto rank = [](const PoseCandidate& each) {
+std::vector<Hypothesis> Distinct(const SensorHypotheses& sensor, const Structure& structure) {
+  const auto rank = [](const Hypothesis& each) {
     return std::make_pair(each.source == PoseSource::kNetwork, each.by_own_labels);
   };
-  return rank(pose) > rank(than);
-}
-
-std::vector<Option> Distinct(const SensorCandidates& sensor, const Structure& structure) {
-  std::vector<Option> distinct;
-  for (std::size_t k = 0; k < sensor.poses.size(); ++k) {
-    const PoseCandidate& pose = sensor.poses[k];
-    const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Option& option) {
-      return SamePose(structure, option.pose.structure_from_sensor, pose.structure_from_sensor);
+  std::vector<Hypothesis> distinct;
+  for (const Hypothesis& pose : sensor.poses) {
+    const auto same = std::find_if(distinct.begin(), distinct.end(), [&](const Hypothesis& other) {
+      return SamePose(structure, other.structure_from_sensor, pose.structure_from_sensor);
     });
     if (same == distinct.end()) {
-      distinct.push_back({pose, UprightTurns(pose.structure_from_sensor),
-                          sensor.turns.empty() ? 0 : sensor.turns[k]});
+      distinct.push_back(pose);
       continue;
     }
-    const PoseCandidate before = same->pose;
-    if (SuitsBetter(pose, before)) same->pose = pose;
-    same->pose.by_depth = std::max(before.by_depth, pose.by_depth);
-    same->pose.by_outline = std::max(before.by_outline, pose.by_outline);
-    same->pose.by_floor = std::max(before.by_floor, pose.by_floor);
-    same->pose.by_labels = std::max(before.by_labels, pose.by_labels);
+    const Hypothesis before = *same;
+    if (rank(pose) > rank(before)) *same = pose;
+    for (double Hypothesis::*by : {&Hypothesis::by_depth, &Hypothesis::by_outline,
+                                   &Hypothesis::by_floor, &Hypothesis::by_labels})
+      (*same).*by = std::max(before.*by, pose.*by);
   }
   return distinct;
 }
 
-double Fit(const Option& option) { return option.pose.by_depth + option.pose.by_outline; }
+double Fit(const Hypothesis& option) { return option.by_depth + option.by_outline; }
 
 class Rig {
  public:
-  Rig(const std::vector<SensorCandidates>& sensors, const Structure& structure)
+  Rig(const std::vector<SensorHypotheses>& sensors, const Structure& structure)
       : structure_(structure), measured_(sensors.size()) {
-    for (const SensorCandidates& sensor : sensors) {
+    for (const SensorHypotheses& sensor : sensors) {
       options_.push_back(Distinct(sensor, structure));
       views_.push_back(sensor.view);
       DropImprobable(options_.size() - 1);
@@ -88,7 +75,7 @@ class Rig {
   }
 
   std::size_t size() const { return options_.size(); }
-  const std::vector<Option>& options(std::size_t i) const { return options_[i]; }
+  const std::vector<Hypothesis>& options(std::size_t i) const { return options_[i]; }
 
   /// Log odds of a choice, up to a constant.
   double Score(const Choice& choice, Count count) {
@@ -138,7 +125,7 @@ class Rig {
       int alike = 0;
       for (std::size_t j = 0; j < size(); ++j)
         alike += choice[j] >= 0 && UprightOf(j, choice[j]) == UprightOf(i, choice[i]);
-      return std::make_tuple(!choices[i].ambiguous, alike, OptionOf(i, choice[i]).turns == 0);
+      return std::make_tuple(!choices[i].ambiguous(), alike, OptionOf(i, choice[i]).turns == 0);
     };
     std::size_t anchor = size();
     for (std::size_t i = 0; i < size(); ++i) {
@@ -192,13 +179,12 @@ class Rig {
   }
 
   /// Log likelihoods of the options by the sensors' priors, in each world that is possible.
-  void WeighPriors(const std::vector<SensorCandidates>& sensors) {
+  void WeighPriors(const std::vector<SensorHypotheses>& sensors) {
     std::vector<const PosePrior*> priors;
     std::vector<std::vector<Pose>> poses(size());
     for (std::size_t i = 0; i < size(); ++i) {
       priors.push_back(sensors[i].prior);
-      for (const Option& option : options_[i])
-        poses[i].push_back(option.pose.structure_from_sensor);
+      for (const Hypothesis& option : options_[i]) poses[i].push_back(option.structure_from_sensor);
     }
     for (const WorldPlacement& world : FindWorlds(priors, poses)) {
       std::vector<std::vector<double>> of_options(size());
@@ -229,7 +215,7 @@ class Rig {
     std::vector<double> own;
     for (int k = 0; k < static_cast<int>(options_[i].size()); ++k)
       own.push_back(Own(i, k, Count::kFit));
-    std::vector<Option> kept;
+    std::vector<Hypothesis> kept;
     for (std::size_t k = 0; k < own.size(); ++k) {
       if (own[k] >= *std::max_element(own.begin(), own.end()) - std::log(kNamedOdds))
         kept.push_back(options_[i][k]);
@@ -239,20 +225,20 @@ class Rig {
 
   /// Log odds of a sensor's option by its own view, against the best of all its options.
   double Own(std::size_t i, int k, Count count) const {
-    const Option& option = OptionOf(i, k);
+    const Hypothesis& option = OptionOf(i, k);
     double fit = 0, floor = 0;
-    const Option* named = &option;  // the one with the most evidence by labels
-    for (const Option& other : options_[i]) {
+    const Hypothesis* named = &option;  // the one with the most evidence by labels
+    for (const Hypothesis& other : options_[i]) {
       fit = std::max(fit, Fit(other) - Fit(option));
-      floor = std::max(floor, other.pose.by_floor - option.pose.by_floor);
-      if (other.pose.by_labels > named->pose.by_labels) named = &other;
+      floor = std::max(floor, other.by_floor - option.by_floor);
+      if (other.by_labels > named->by_labels) named = &other;
     }
-    const double labels = std::min(named->pose.by_labels - option.pose.by_labels, kUsual);
+    const double labels = std::min(named->by_labels - option.by_labels, kUsual);
     double score = 0;
     // Poses that are a centimetre off differ by less, and in a large rig that would add up.
     if (fit >= kTells) score -= fit;
     if (floor >= kDecides || count != Count::kOrientation) score -= floor;
-    if (!TurnsOver(named->pose.structure_from_sensor, option.pose.structure_from_sensor)) {
+    if (!TurnsOver(named->structure_from_sensor, option.structure_from_sensor)) {
       score -= labels;
     } else if (count == Count::kAll) {
       score -= std::min(labels, kTells);
@@ -275,20 +261,18 @@ class Rig {
            deviation(mounted[0] + mounted[2], mounted[1] + mounted[3]);
   }
 
-  const Option& OptionOf(std::size_t i, int k) const {
+  const Hypothesis& OptionOf(std::size_t i, int k) const {
     return options_[i][static_cast<std::size_t>(k)];
   }
   std::size_t UprightOf(std::size_t i, int k) const {
-    return static_cast<std::size_t>(OptionOf(i, k).upright);
+    return static_cast<std::size_t>(UprightTurns(PoseOf(i, k)));
   }
-  const Pose& PoseOf(std::size_t i, int k) const {
-    return OptionOf(i, k).pose.structure_from_sensor;
-  }
+  const Pose& PoseOf(std::size_t i, int k) const { return OptionOf(i, k).structure_from_sensor; }
 
   const MeasuredView& Measured(std::size_t i) {
     if (!measured_[i]) {
       std::vector<Pose> poses;
-      for (const Option& option : options_[i]) poses.push_back(option.pose.structure_from_sensor);
+      for (const Hypothesis& option : options_[i]) poses.push_back(option.structure_from_sensor);
       measured_[i] = std::make_unique<MeasuredView>(*views_[i], structure_, poses);
     }
     return *measured_[i];
@@ -324,7 +308,7 @@ class Rig {
 
   const Structure& structure_;
   std::vector<const SensorView*> views_;
-  std::vector<std::vector<Option>> options_;
+  std::vector<std::vector<Hypothesis>> options_;
   std::vector<std::unique_ptr<MeasuredView>> measured_;  // made on demand
   std::map<std::tuple<std::size_t, std::size_t, int, int>, CauseShares> of_pairs_;
   /// Of each possible world, for each sensor with a prior and each of its options.
@@ -374,7 +358,7 @@ std::vector<int> OtherPoses(const std::vector<Alternative>& alternatives, const 
 
 /// The options that a person has chosen where the views leave them open, else -1. `best`: the
 /// choice without these.
-Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& best, Rig* rig) {
+Choice GivenPoses(const std::vector<SensorHypotheses>& sensors, const Choice& best, Rig* rig) {
   Choice given(rig->size(), -1);
   const std::vector<Alternative> alternatives = OtherChoices(best, given, rig);
   for (std::size_t i = 0; i < rig->size(); ++i) {
@@ -394,13 +378,17 @@ Choice GivenPoses(const std::vector<SensorCandidates>& sensors, const Choice& be
 
 }  // namespace
 
-std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
+bool PoseChoice::ambiguous() const {
+  return !alternatives.empty() && alternatives.front().log_odds < kDecides;
+}
+
+std::vector<PoseChoice> ChooseTogether(const std::vector<SensorHypotheses>& sensors,
                                        const Structure& structure) {
   Rig rig(sensors, structure);
   Choice fixed(rig.size(), -1);
   Choice best = rig.Best(fixed, Count::kAll);
   if (std::any_of(sensors.begin(), sensors.end(),
-                  [](const SensorCandidates& sensor) { return sensor.chosen > 0; })) {
+                  [](const SensorHypotheses& sensor) { return sensor.chosen > 0; })) {
     fixed = GivenPoses(sensors, best, &rig);
     best = rig.Best(fixed, Count::kFit, best);
   }
@@ -408,7 +396,7 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
   std::vector<PoseChoice> choices(rig.size());
   for (std::size_t i = 0; i < rig.size(); ++i) {
     if (best[i] < 0) continue;
-    const auto pose_of = [&](int k) { return rig.options(i)[static_cast<std::size_t>(k)].pose; };
+    const auto pose_of = [&](int k) { return rig.options(i)[static_cast<std::size_t>(k)]; };
     PoseChoice& choice = choices[i];
     choice.found = true;
     choice.best = pose_of(best[i]);
@@ -417,17 +405,15 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sens
       const int k = alternatives[t].choice[i];
       const auto at = std::find(others.begin(), others.end(), k);
       if (at == others.end()) continue;
-      if (choice.alternatives.empty()) choice.rival = pose_of(k);
       choice.alternatives.push_back({static_cast<int>(t), static_cast<int>(at - others.begin()) + 2,
                                      alternatives[t].log_odds, pose_of(k).structure_from_sensor});
     }
     choice.given = fixed[i] >= 0;
-    choice.ambiguous =
-        !choice.alternatives.empty() && choice.alternatives.front().log_odds < kDecides;
   }
   const std::size_t anchor = rig.Anchor(best, choices);
   for (std::size_t i = 0; i < rig.size(); ++i)
-    choices[i].up_unknown = i != anchor && choices[i].ambiguous && rig.IsUpUnknown(i, anchor, best);
+    choices[i].up_unknown =
+        i != anchor && choices[i].ambiguous() && rig.IsUpUnknown(i, anchor, best);
   return choices;
 }
 

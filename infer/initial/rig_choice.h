@@ -3,20 +3,18 @@
 #include <vector>
 
 #include "core/geometry/structure.h"
-#include "infer/initial/pose_choice.h"
+#include "infer/initial/orientation.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/view/pose_prior.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
 
-/// The poses from which a sensor's is chosen: those that compete (pose_sources.h), or the only one.
-/// A sensor without poses takes no part. The view must outlive the choice.
-struct SensorCandidates {
+/// The poses from which a sensor's is chosen. A sensor without poses takes no part. The view must
+/// outlive the choice.
+struct SensorHypotheses {
   const SensorView* view = nullptr;
-  std::vector<PoseCandidate> poses;
-  /// For each pose, the turns into the network's orientation. Empty where they are given or not
-  /// known.
-  std::vector<int> turns;
+  std::vector<Hypothesis> poses;
   /// A person's choice. 0 is none, 1 the pose that would be chosen, 2 and on
   /// PoseAlternative::number. The sensor is then beyond doubt, and the others are chosen to suit
   /// it. A number that it does not have, or whose pose the views refute by kDecisiveOdds, is
@@ -25,10 +23,24 @@ struct SensorCandidates {
   const PosePrior* prior = nullptr;  ///< null: none
 };
 
+struct PoseChoice {
+  bool found = false;
+  /// The hypothesis with the best by_own_labels among those about the chosen pose. Its trial and
+  /// symmetry say which labels suit the pose.
+  Hypothesis best;
+  /// The sensor may be upside down or not, and one of both contradicts the other sensors.
+  bool up_unknown = false;
+  bool given = false;  ///< a person has chosen the pose, see SensorHypotheses::chosen
+  std::vector<PoseAlternative> alternatives;  ///< the most probable first
+
+  /// Is another pose about as probable?
+  bool ambiguous() const;
+};
+
 /// Chooses one pose for every sensor of a rig, all together, so that no sensor contradicts another.
 /// It takes the set of poses with the largest sum of log odds. Five things count.
 ///
-/// Each sensor's own depths, outline, floor and labels count (PoseCandidate). Labels tell one step
+/// Each sensor's own depths, outline, floor and labels count (Hypothesis). Labels tell one step
 /// of a spiral from the next, but not up from down: a network labels a part of the structure upside
 /// down about as well. Two sensors' points beside the structure count where one sensor sees through
 /// a surface that the other measured (infer/depth/measured_view.h). Sensors of a rig are usually
@@ -43,7 +55,7 @@ struct SensorCandidates {
 /// that is mounted alike. A sensor's up is unknown where nothing, not even the network's
 /// orientation, tells whether it is upside down as the others stand. PoseAlternative lists every
 /// set of poses that is the best in which some sensor has another pose than the chosen one.
-std::vector<PoseChoice> ChooseTogether(const std::vector<SensorCandidates>& sensors,
+std::vector<PoseChoice> ChooseTogether(const std::vector<SensorHypotheses>& sensors,
                                        const Structure& structure);
 
 }  // namespace volalign

@@ -35,7 +35,7 @@ std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& stru
                                    const Pose& structure_from_sensor) {
   if (FindFloor(view, structure, structure_from_sensor).Floats()) return std::nullopt;
   const double log_odds =
-      MeasureShape(PrepareSurface(view, structure), structure, structure_from_sensor).LogOdds();
+      MeasureShape(LookAround(view, structure).surface, structure, structure_from_sensor).LogOdds();
   if (log_odds <= -std::log(kDecisiveOdds)) return std::nullopt;
   const std::vector<SidePatch> patches = CollectPatches(
       view,

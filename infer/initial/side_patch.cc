@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "core/base/random.h"
@@ -29,13 +31,12 @@ const double kMinVariance = std::pow(StepSigma() * kDepthStep, 2);
 /// Row-major pixel indices of each label, without components of fewer than `speck` pixels.
 std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
                                               const SegmentationResult& segmentation,
-                                              int num_classes, double min_confidence,
-                                              std::size_t speck) {
+                                              int num_classes, std::size_t speck) {
   const int width = view.width(), height = view.height();
   const auto usable = [&](int i) {
     const auto k = static_cast<std::size_t>(i);
     return segmentation.labels[k] > 0 && segmentation.labels[k] < num_classes &&
-           view.depth[k] > 0 && segmentation.confidence[k] >= min_confidence;
+           view.depth[k] > 0 && segmentation.confidence[k] >= kLeastConfidence;
   };
   std::vector<std::vector<int>> pixels(static_cast<std::size_t>(num_classes));
   std::vector<char> seen(view.depth.size(), 0);
@@ -192,9 +193,8 @@ SidePatch Describe(const SensorView& view, const SegmentationResult& segmentatio
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
                                       const Structure& structure) {
-  const std::vector<std::vector<int>> by_label =
-      ConnectedPixels(view, segmentation, structure.num_classes(), kLeastConfidence,
-                      static_cast<std::size_t>(kFewestSidePixels) / 2);
+  const std::vector<std::vector<int>> by_label = ConnectedPixels(
+      view, segmentation, structure.num_classes(), static_cast<std::size_t>(kFewestSidePixels) / 2);
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {
@@ -208,20 +208,18 @@ std::vector<SidePatch> CollectPatches(const SensorView& view,
     const PatchLimits limits{tolerance, 2 * std::hypot(side.half_u, side.half_v)};
     RandomStream random(0, static_cast<std::uint64_t>(label), "side_patch");
     std::vector<int> candidates(pixels.size());
-    for (std::size_t i = 0; i < candidates.size(); ++i) candidates[i] = static_cast<int>(i);
-    const std::vector<int> first = FindPatch(points, candidates, limits, kFewestSidePixels, random);
-    if (first.empty()) continue;
-    found.push_back(Describe(view, segmentation, label, pixels, points, first));
-
-    std::vector<char> used(pixels.size(), 0);
-    for (const int i : first) used[static_cast<std::size_t>(i)] = 1;
-    candidates.erase(std::remove_if(candidates.begin(), candidates.end(),
-                                    [&](int i) { return used[static_cast<std::size_t>(i)] != 0; }),
-                     candidates.end());
-    const std::vector<int> second =
-        FindPatch(points, candidates, limits, kFewestSidePixels, random);
-    if (kRivalDivisor * second.size() >= first.size()) {
-      found.push_back(Describe(view, segmentation, label, pixels, points, second));
+    std::iota(candidates.begin(), candidates.end(), 0);
+    std::size_t largest = 0;
+    for (int k = 0; k < 2; ++k) {
+      const std::vector<int> members =
+          FindPatch(points, candidates, limits, kFewestSidePixels, random);
+      if (members.empty() || kRivalDivisor * members.size() < largest) break;
+      largest = members.size();
+      found.push_back(Describe(view, segmentation, label, pixels, points, members));
+      std::vector<int> rest;
+      std::set_difference(candidates.begin(), candidates.end(), members.begin(), members.end(),
+                          std::back_inserter(rest));
+      candidates = std::move(rest);
     }
   }
   return found;

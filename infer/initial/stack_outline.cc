@@ -59,14 +59,21 @@ std::vector<StackPiece> Pieces(const Structure& structure, const StackOutline& o
 
 }  // namespace
 
+Eigen::AlignedBox3d BoundsOf(const Structure& structure) {
+  Eigen::AlignedBox3d bounds;
+  for (const Box& box : structure.boxes()) {
+    for (const Eigen::Vector3d& corner : box.Corners()) bounds.extend(corner);
+  }
+  return bounds;
+}
+
 StackOutline MakeStackOutline(const Structure& structure, double cells) {
   double smallest = std::numeric_limits<double>::infinity(), lowest = smallest;
-  Eigen::AlignedBox3d bounds;
   for (const Box& box : structure.boxes()) {
     smallest = std::min({smallest, box.size.x(), box.size.z()});
     lowest = std::min(lowest, box.size.y());
-    for (const Eigen::Vector3d& corner : box.Corners()) bounds.extend(corner);
   }
+  const Eigen::AlignedBox3d bounds = BoundsOf(structure);
   StackOutline outline;
   outline.foot = bounds.center();
   outline.foot.y() = structure.FloorHeight();

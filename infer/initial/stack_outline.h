@@ -1,6 +1,6 @@
 #pragma once
 
-#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <vector>
 
@@ -34,6 +34,8 @@ struct StackOutline {
   int SlabAt(double height) const { return static_cast<int>(std::floor(height / slab)); }
   bool Has(int slab_index) const { return slab_index >= 0 && slab_index < slabs; }
 };
+Eigen::AlignedBox3d BoundsOf(const Structure& structure);
+
 /// Cells along the smallest horizontal edge of any box. MakeStackOutline limits their size.
 inline constexpr double kCellsAlongEdge = 8;
 StackOutline MakeStackOutline(const Structure& structure, double cells = kCellsAlongEdge);

@@ -1,8 +1,8 @@
 #include "infer/initial/stack_votes.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <utility>
 
@@ -29,22 +29,6 @@ int WayOf(const Eigen::Vector3d& normal) {
 
 std::size_t ListOf(int slab, int way) {
   return static_cast<std::size_t>(slab) * kWays + static_cast<std::size_t>(way);
-}
-
-/// A cell as one number, and back.
-constexpr int kKeyBits = 20, kKeyMiddle = 1 << (kKeyBits - 1);
-std::uint64_t Key(int slab_and_way, int z, int x) {
-  const auto part = [](int value) {
-    return static_cast<std::uint64_t>(std::int64_t{value} + kKeyMiddle);
-  };
-  return (static_cast<std::uint64_t>(slab_and_way) << kKeyBits | part(z)) << kKeyBits | part(x);
-}
-OccupiedCell CellOf(std::uint64_t key) {
-  const auto part = [&](int shift) {
-    return static_cast<int>(key >> shift & ((1u << kKeyBits) - 1)) - kKeyMiddle;
-  };
-  const auto slab_and_way = static_cast<int>(key >> (2 * kKeyBits));
-  return {part(0), part(kKeyBits), slab_and_way / kWays, slab_and_way % kWays, 0};
 }
 
 }  // namespace
@@ -107,29 +91,27 @@ void Votes::Collect() {
 std::vector<OccupiedCell> FindOccupied(const std::vector<OrientedPoint>& points,
                                        const StackOutline& outline, double foot,
                                        const Eigen::Matrix3d& room) {
-  std::vector<std::pair<std::uint64_t, double>> areas;
+  using Cell = std::array<int, 4>;  // slab, way, z, x
+  std::vector<std::pair<Cell, double>> areas;
   for (const OrientedPoint& point : points) {
     if (point.p.z() > kFarthest) continue;
     const Eigen::Vector3d p = room * point.p;
     const double height = p.y() - foot;
-    const int slab = outline.SlabAt(height);
-    if (height < kRoughPose || !outline.Has(slab)) continue;
-    const int way = WayOf(room * point.normal);
-    if (way < 0) continue;
-    areas.emplace_back(Key(slab * kWays + way, static_cast<int>(std::lround(p.z() / outline.cell)),
-                           static_cast<int>(std::lround(p.x() / outline.cell))),
-                       point.area);
+    const int slab = outline.SlabAt(height), way = WayOf(room * point.normal);
+    if (height < kRoughPose || !outline.Has(slab) || way < 0) continue;
+    areas.push_back({{slab, way, static_cast<int>(std::lround(p.z() / outline.cell)),
+                      static_cast<int>(std::lround(p.x() / outline.cell))},
+                     point.area});
   }
   std::sort(areas.begin(), areas.end());
   std::vector<OccupiedCell> occupied;
   for (std::size_t i = 0; i < areas.size();) {
-    const std::uint64_t key = areas[i].first;
+    const auto [slab, way, z, x] = areas[i].first;
     double area = 0;
-    for (; i < areas.size() && areas[i].first == key; ++i) area += areas[i].second;
-    OccupiedCell cell = CellOf(key);
-    const double full = kFullCell * outline.cell * (cell.way == kUp ? outline.cell : outline.slab);
-    cell.weight = static_cast<float>(std::min(1.0, area / full));
-    occupied.push_back(cell);
+    for (const Cell cell = areas[i].first; i < areas.size() && areas[i].first == cell; ++i)
+      area += areas[i].second;
+    const double full = kFullCell * outline.cell * (way == kUp ? outline.cell : outline.slab);
+    occupied.push_back({x, z, slab, way, static_cast<float>(std::min(1.0, area / full))});
   }
   return occupied;
 }

@@ -38,31 +38,30 @@ std::vector<Eigen::Vector3d> Axes(const std::vector<RoomPlane>& planes) {
   return axes;
 }
 
-void AddDirection(const Eigen::Vector3d& direction, std::vector<Eigen::Vector3d>* directions) {
-  AddIfNew(direction, directions,
-           [&](const Eigen::Vector3d& other) { return other.dot(direction) > kSameDirection; });
+void AddDirections(const std::vector<Eigen::Vector3d>& more,
+                   std::vector<Eigen::Vector3d>* directions) {
+  for (const Eigen::Vector3d& direction : more) {
+    AddIfNew(direction, directions,
+             [&](const Eigen::Vector3d& other) { return other.dot(direction) > kSameDirection; });
+  }
 }
 
 std::vector<Eigen::Vector3d> Ups(const std::vector<Eigen::Vector3d>& axes,
                                  const std::vector<Eigen::Vector3d>& usual) {
   std::vector<Eigen::Vector3d> ups;
-  for (const Eigen::Vector3d& axis : axes) {
-    AddDirection(axis, &ups);
-    AddDirection(-axis, &ups);
-  }
+  for (const Eigen::Vector3d& axis : axes) AddDirections({axis, -axis}, &ups);
   for (std::size_t i = 0; i < axes.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       if (std::abs(axes[i].dot(axes[j])) > kAtRightAngle) continue;
       const Eigen::Vector3d up = axes[i].cross(axes[j]).normalized();
-      AddDirection(up, &ups);
-      AddDirection(-up, &ups);
+      AddDirections({up, -up}, &ups);
     }
   }
   // One family of upright planes leaves a turn about their normal open.
   for (const Eigen::Vector3d& up : usual) {
     for (const Eigen::Vector3d& axis : axes) {
       if (std::abs(axis.dot(up)) < kUpright)
-        AddDirection((up - axis.dot(up) * axis).normalized(), &ups);
+        AddDirections({(up - axis.dot(up) * axis).normalized()}, &ups);
     }
   }
   if (ups.size() > 2 * kBeam) ups.resize(2 * kBeam);

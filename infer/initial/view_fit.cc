@@ -8,6 +8,7 @@
 #include "core/geometry/visibility.h"
 #include "infer/depth/share_odds.h"
 #include "infer/depth/surface_tolerance.h"
+#include "infer/initial/stack_outline.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -257,15 +258,9 @@ ViewFit MeasureShape(const SensorSurface& surface, const Structure& structure,
   const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
   Measurement measurement(structure, structure_from_sensor.translation(), view.errors);
   // Rays that pass by farther than this show nothing of the structure or beside it.
-  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
-  double radius = 0;
-  for (const Side& side : structure.sides()) middle += side.centre;
-  middle /= static_cast<double>(structure.sides().size());
-  for (const Side& side : structure.sides()) {
-    radius = std::max(radius, (side.centre - middle).norm() + std::hypot(side.half_u, side.half_v));
-  }
-  const Eigen::Vector3d centre = structure_from_sensor.inverse() * middle;
-  const double reach = radius + 2 * kBeyondTo;
+  const Eigen::AlignedBox3d bounds = BoundsOf(structure);
+  const Eigen::Vector3d centre = structure_from_sensor.inverse() * bounds.center();
+  const double reach = bounds.sizes().norm() / 2 + 2 * kBeyondTo;
   const double clearance = centre.squaredNorm() - reach * reach;
 
   for (int v = 0; v < view.height(); ++v) {

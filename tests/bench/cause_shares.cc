@@ -30,8 +30,6 @@
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
-#include "infer/initial/pose_choice.h"
-#include "infer/initial/same_pose.h"
 #include "infer/report/extrinsics.h"
 #include "infer/segment/load.h"
 #include "infer/view/alike.h"
@@ -101,7 +99,7 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
     Print(what, sensor.name, view.causes, view.named_so, view.named_otherwise, view.labelled_on);
   };
   print("view\tright", structure, sensor.pose);
-  const std::vector<OrientedPoint> points = PointsOf(PrepareSurface(sensor.view, structure));
+  const std::vector<OrientedPoint> points = PointsOf(LookAround(sensor.view, structure).surface);
   std::vector<Pose> wrong;
   for (const Pose& motion : WrongMotions(structure)) {
     Pose pose = FitToBoxes(points, structure, BoxFit(), motion * sensor.pose);

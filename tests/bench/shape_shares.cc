@@ -57,7 +57,7 @@ int Run(const std::vector<std::string>& arguments) {
     if (is_refined) {
       const Pose& pose = *found->second.structure_from_sensor;
       if (!truth) truth = pose;
-      Print(frame, truth, pose, MeasureShape(PrepareSurface(view, structure), structure, pose));
+      Print(frame, truth, pose, MeasureShape(LookAround(view, structure).surface, structure, pose));
     }
     for (const GeometricPose& pose : FindCandidatesByGeometry(view, structure))
       Print(frame, truth, pose.structure_from_sensor, pose.shape);

@@ -81,13 +81,13 @@ TEST(Arrangements, AMirroredStackIsTheReflectionOfEveryCorner) {
   }
 }
 
-TEST(Raised, IsABoxWithWhatStandsOnItElsewhereAboveTheFloor) {
+TEST(Displaced, IsABoxWithWhatStandsOnItElsewhereAboveTheFloor) {
   const Structure structure = PaperStructure();
   const std::vector<Box>& boxes = structure.boxes();
   const auto height = [](const Structure& of, std::size_t box) {
     return of.boxes()[box].structure_from_box.translation().y();
   };
-  const Arrangement upper = Raised(structure, {2, 3}, -0.2);
+  const Arrangement upper = Displaced(structure, {2, 3}, {0, -0.2, 0});
   EXPECT_EQ(upper.code, SensorCode::kAssemblyHeight);
   EXPECT_EQ(upper.sentence,
             "box " + boxes[2].name + ", with what stands on it, stands 20 cm lower than described");
@@ -95,7 +95,7 @@ TEST(Raised, IsABoxWithWhatStandsOnItElsewhereAboveTheFloor) {
   for (std::size_t i = 0; i < boxes.size(); ++i)
     EXPECT_NEAR(height(upper.structure, i), height(structure, i) - (i < 2 ? 0 : 0.2), 1e-12);
   // On another box, which the floor is under.
-  const Arrangement all = Raised(structure, {0, 1, 2, 3}, 0.3);
+  const Arrangement all = Displaced(structure, {0, 1, 2, 3}, {0, 0.3, 0});
   EXPECT_EQ(all.sentence, "box " + boxes[0].name + " stands higher than described");
   ASSERT_EQ(all.structure.boxes().size(), boxes.size() + 1);
   EXPECT_NEAR(all.structure.FloorHeight(), structure.FloorHeight(), 1e-12);

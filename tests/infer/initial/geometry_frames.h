@@ -12,8 +12,7 @@
 
 #include "core/base/random.h"
 #include "infer/initial/geometry_search.h"
-#include "infer/initial/pose_choice.h"
-#include "infer/initial/pose_sources.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/rig_choice.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
@@ -35,9 +34,8 @@ inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& 
 /// The pose that geometry and the floor decide on.
 inline PoseChoice Choose(const SensorView& view, const Structure& structure) {
   return ChooseTogether({{&view,
-                          FindCompetitors(view, structure, FindAliases(structure), {}, false,
-                                          InitialPoseOptions()),
-                          {},
+                          FindHypotheses(view, structure, FindAliases(structure), {}, false,
+                                         InitialPoseOptions()),
                           0}},
                         structure)
       .front();
@@ -53,7 +51,7 @@ inline bool Contains(const std::vector<GeometricPose>& poses, const Pose& truth)
 
 inline void ExpectChosen(const PoseChoice& choice, const Pose& truth) {
   ASSERT_TRUE(choice.found);
-  EXPECT_FALSE(choice.ambiguous);
+  EXPECT_FALSE(choice.ambiguous());
   EXPECT_TRUE(Within(ComparePoses(choice.best.structure_from_sensor, truth), 0.05, 2));
 }
 

@@ -53,7 +53,7 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
     const Pose truth = RingPose(phi, 2.2, 0.4);
     const SensorView view = See(structure, truth, {false, 0});
     EXPECT_TRUE(Contains(Find(view, structure), truth));
-    EXPECT_TRUE(Choose(view, structure).ambiguous);
+    EXPECT_TRUE(Choose(view, structure).ambiguous());
   }
 }
 
@@ -67,7 +67,7 @@ TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
     const Pose truth = RingPose(7.0 * i, 1.3 + 0.2 * (i % 5), 0.2 + 0.1 * (i % 4), 90,
                                 {0.15 * (i % 3) - 0.15, 0.3 * (i % 7) - 0.9, 0});
     const SensorView view = See(structure, truth);
-    const SensorSurface surface = PrepareSurface(view, structure);
+    const SensorSurface surface = LookAround(view, structure).surface;
     const std::vector<OrientedPoint> points = PointsOf(surface);
     const auto fitted = [&](const Pose& pose) {
       return MeasureShape(surface, structure,
@@ -100,7 +100,7 @@ TEST(FindPosesByGeometry, FromTheFrontWithoutAFloor) {
       const SensorView view = See(structure, truth, {false, wall});
       EXPECT_EQ(Contains(Find(view, structure), truth), wall == 0);
       if (wall == 0) {
-        EXPECT_TRUE(Choose(view, structure).ambiguous);
+        EXPECT_TRUE(Choose(view, structure).ambiguous());
       }
     }
   }
@@ -180,7 +180,7 @@ TEST(FindPosesByGeometry, ASymmetricStackIsAmbiguousOnAFloor) {
     const Pose truth = RingPose(35, 1.8, 0.9, 90, {0, 0.2, 0});
     const SensorView view = See(structure, truth);
     EXPECT_TRUE(Contains(Find(view, structure), truth));
-    EXPECT_TRUE(Choose(view, structure).ambiguous);
+    EXPECT_TRUE(Choose(view, structure).ambiguous());
   }
 }
 

@@ -11,8 +11,7 @@
 #include "core/base/odds.h"
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
-#include "infer/initial/pose_choice.h"
-#include "infer/initial/relabel.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
@@ -56,10 +55,10 @@ SensorView Measured(SyntheticView view) {
   return MakeSensorView(view.depth, Kinect());
 }
 
-/// A pose that is chosen without a rival is the true one: to 5 cm and 2 deg, or, where a sensor
+/// A pose that is chosen unambiguously is the true one: to 5 cm and 2 deg, or, where a sensor
 /// sees too little for that, to what still counts as the same place (10 cm, 5 deg).
 void ExpectNotWrong(const PoseChoice& choice, const Pose& truth, bool sees_little = false) {
-  if (!choice.found || choice.ambiguous) return;
+  if (!choice.found || choice.ambiguous()) return;
   if (!sees_little) return ExpectChosen(choice, truth);
   EXPECT_TRUE(Within(ComparePoses(choice.best.structure_from_sensor, truth), 0.1, 5));
 }
@@ -79,7 +78,7 @@ TEST(Situations, HalfHidden) {
         const SensorView view = Measured(seen);
         const PoseChoice choice = Choose(view, structure);
         ExpectNotWrong(choice, truth, share > 0.5);
-        chosen[share] += choice.found && !choice.ambiguous;
+        chosen[share] += choice.found && !choice.ambiguous();
         if (share < 0.2) {
           EXPECT_TRUE(Contains(Find(view, structure), truth));
         }
@@ -139,45 +138,58 @@ Pose UpsideDown() {
   return pose;
 }
 
-TEST(PosesOfTrials, AreThoseThatWereFoundAndTheirAliases) {
-  const auto initial = [](bool found, double height) {
-    InitialPose pose;
-    pose.found = found;
-    pose.structure_from_sensor = Upright(0, height);
-    return pose;
-  };
-  const InitialPose one = initial(true, 1), two = initial(true, 2), none = initial(false, 4);
+OrientationTrial Trial(int turns, const SegmentationResult& labels, bool found = false,
+                       double height = 0) {
+  OrientationTrial trial;
+  trial.turns = turns;
+  trial.segmentation = labels;
+  trial.initial.found = found;
+  trial.initial.structure_from_sensor = Upright(0, height);
+  return trial;
+}
+
+TEST(FindHypotheses, AreThePosesOfTrialsThatWereFoundAndTheirAliases) {
   // Nothing was measured or labelled, so that no pose is estimated again.
   const SensorView view = MakeSensorView(DepthImage(20, 10), Coarse());
   const SegmentationResult labels = Certain(LabelImage(20, 10));
-  const std::vector<PoseTrial> trials = {{&labels, &none}, {&labels, &two}, {&labels, &one}};
+  const OrientationTrial none = Trial(0, labels, false, 4), two = Trial(1, labels, true, 2),
+                         one = Trial(3, labels, true, 1);
   std::vector<StructureAlias> aliases(2);
   aliases[0].motion = UpsideDown();
   aliases[1].motion = Upright(90, 0.4);
-  const auto poses_of = [&](const std::vector<PoseTrial>& of, bool known_up) {
-    return PosesOfTrials(view, PaperStructure(), aliases, of, known_up, {});
+  InitialPoseOptions network;
+  network.method = PoseMethod::kNetwork;
+  const auto poses_of = [&](const std::vector<const OrientationTrial*>& of, bool known_up) {
+    return FindHypotheses(view, PaperStructure(), aliases, of, known_up, network);
   };
-  const std::vector<PoseCandidate> all = poses_of(trials, false);
-  const std::vector<std::pair<std::size_t, int>> expected = {{1, -1}, {1, 0}, {1, 1},
-                                                             {2, -1}, {2, 0}, {2, 1}};
+  struct Expected {
+    std::size_t trial;
+    int alias;
+    double height;
+    int turns;
+  };
+  const std::vector<Expected> expected = {{1, -1, 2, 1}, {1, 0, -2, 3}, {1, 1, 2.4, 1},
+                                          {2, -1, 1, 3}, {2, 0, -1, 1}, {2, 1, 1.4, 3}};
+  const std::vector<Hypothesis> all = poses_of({&none, &two, &one}, false);
   ASSERT_EQ(all.size(), expected.size());
   for (std::size_t k = 0; k < all.size(); ++k) {
-    EXPECT_EQ(all[k].trial, expected[k].first) << k;
-    EXPECT_EQ(all[k].alias, expected[k].second) << k;
+    EXPECT_EQ(all[k].trial, expected[k].trial) << k;
+    EXPECT_EQ(all[k].alias, expected[k].alias) << k;
+    EXPECT_EQ(all[k].turns, expected[k].turns) << k;
+    EXPECT_NEAR(all[k].structure_from_sensor.translation().y(), expected[k].height, 1e-12) << k;
   }
-  EXPECT_NEAR(all[0].structure_from_sensor.translation().y(), 2, 1e-12);
-  EXPECT_NEAR(all[1].structure_from_sensor.translation().y(), -2, 1e-12);
-  EXPECT_NEAR(all[2].structure_from_sensor.translation().y(), 2.4, 1e-12);
-
-  const std::vector<PoseCandidate> upright = poses_of(trials, true);
+  const std::vector<Hypothesis> upright = poses_of({&none, &two, &one}, true);
   ASSERT_EQ(upright.size(), 4u);
-  for (const PoseCandidate& pose : upright) EXPECT_NE(pose.alias, 0);
-  EXPECT_TRUE(poses_of({{&labels, &none}}, false).empty());
+  for (const Hypothesis& pose : upright) {
+    EXPECT_NE(pose.alias, 0);
+    EXPECT_EQ(pose.turns, 0) << "given";
+  }
+  EXPECT_TRUE(poses_of({&none}, false).empty());
 }
 
 // A rendered view of the paper's stack, labelled rightly in one orientation, not at all in another,
 // and as a step of its spiral has it in a third.
-TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
+TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   const Structure structure = PaperStructure();
   const Pose truth = RingPose(40);
   const Intrinsics kinect = Kinect();
@@ -190,20 +202,22 @@ TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
                                  [](const StructureAlias& alias) { return !alias.keeps_up(); });
   ASSERT_NE(step, aliases.end());
   ASSERT_NE(over, aliases.end());
-  const SegmentationResult right = Certain(rendered.labels), empty = Certain(LabelImage(320, 288)),
-                           shifted = Relabelled(right, *step);
-  const InitialPose initial;
-  std::vector<PoseCandidate> poses(4);
+  LabelImage after_step = rendered.labels;
+  for (std::uint8_t& label : after_step) label = step->label_after[label];
+  const OrientationTrial right = Trial(0, Certain(rendered.labels)),
+                         empty = Trial(0, Certain(LabelImage(320, 288))),
+                         shifted = Trial(0, Certain(after_step));
+  std::vector<Hypothesis> poses(4);
   poses[0].structure_from_sensor = truth;
   poses[1].structure_from_sensor = step->motion * truth;
   poses[2].structure_from_sensor = over->motion * truth;
   poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
   poses[3].trial = 2;
-  const auto weigh = [&](const std::vector<PoseTrial>& trials) {
-    WeighPoses(view, structure, aliases, trials, &poses);
+  const auto weigh = [&](const std::vector<const OrientationTrial*>& trials) {
+    WeighHypotheses(view, structure, aliases, trials, &poses);
   };
   const double decisive = std::log(kDecisiveOdds);
-  weigh({{&empty, &initial}, {&right, &initial}, {&shifted, &initial}});
+  weigh({&empty, &right, &shifted});
   // A step that moves three of four boxes onto boxes leaves the fourth unexplained, and the floor
   // is a box lower; upside down every box is one, and only the floor tells.
   EXPECT_GT(poses[0].by_outline, poses[1].by_outline + decisive);
@@ -218,11 +232,11 @@ TEST(WeighPoses, EachFactorSpeaksForWhatIsRight) {
   EXPECT_EQ(poses[0].by_own_labels, 0) << "the first trial has no labels";
   EXPECT_LT(poses[3].by_own_labels, -decisive);
   poses[3].alias = static_cast<int>(step - aliases.begin());
-  weigh({{&empty, &initial}, {&empty, &initial}, {&right, &initial}});
+  weigh({&empty, &empty, &right});
   EXPECT_LT(poses[3].by_own_labels, -decisive) << "renamed";
   EXPECT_GT(poses[3].by_labels, 2) << "as they are";
   // Without a trial there are no labels.
-  for (PoseCandidate& pose : poses) pose.source = PoseSource::kGeometry;
+  for (Hypothesis& pose : poses) pose.source = PoseSource::kGeometry;
   weigh({});
   EXPECT_EQ(poses[0].by_outline, 0);
   EXPECT_EQ(poses[0].by_labels, 0);

@@ -11,11 +11,12 @@
 #include <string>
 #include <vector>
 
+#include "core/base/lists.h"
 #include "core/base/random.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
+#include "infer/initial/pose_candidates.h"
 #include "infer/initial/view_fit.h"
-#include "infer/initial/visibility_correction.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
@@ -220,7 +221,7 @@ TEST(PaperPose, OursBeatsThePaperEstimate) {
 }
 
 ViewFit Measure(const SensorView& view, const Structure& structure, const Pose& pose) {
-  const ViewFit shape = MeasureShape(PrepareSurface(view, structure), structure, pose);
+  const ViewFit shape = MeasureShape(LookAround(view, structure).surface, structure, pose);
   EXPECT_LE(shape.found_planes, shape.open_planes);
   return shape;
 }
@@ -631,8 +632,8 @@ TEST(CorrectForVisibility, BringsAPoseFromKeypointsOfWholeSidesNearer) {
     const Pose truth = RingPose(phi);
     const auto rendered = Render(structure, Kinect(), truth);
     const SensorView view = MakeSensorView(rendered.depth, Kinect());
-    const std::vector<SidePatch> patches =
-        LargestPatches(CollectPatches(view, Certain(rendered.labels), structure));
+    std::vector<SidePatch> patches = CollectPatches(view, Certain(rendered.labels), structure);
+    SortLargestFirst(&patches, [](const SidePatch& patch) { return patch.area; });
     const std::vector<Pose> candidates = FindCandidates(patches, structure, nullptr);
     ASSERT_FALSE(candidates.empty()) << phi;
     const auto corrected =

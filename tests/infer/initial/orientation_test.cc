@@ -72,8 +72,7 @@ struct Frames {
     for (std::size_t i = 0; i < views.size(); ++i)
       unlabelled.push_back({&views[i], &intrinsics, given[i], i != unusable});
     StageClock clock;
-    return LabelViews(unlabelled, structure, &segmenter, InitialPoseOptions(), OrientationOptions(),
-                      1, &clock);
+    return LabelViews(unlabelled, structure, &segmenter, InitialPoseOptions(), 1, &clock);
   }
   /// Turns that were tried of a view, in order.
   std::vector<int> Tried(std::size_t i) const {
@@ -170,8 +169,8 @@ TEST(OrientationTrial, IsSettledByViewAndFloor) {
 }
 
 std::size_t Best(std::vector<OrientationTrial> trials) {
-  std::vector<OrientationTrial*> pointers;
-  for (OrientationTrial& trial : trials) pointers.push_back(&trial);
+  std::vector<const OrientationTrial*> pointers;
+  for (const OrientationTrial& trial : trials) pointers.push_back(&trial);
   return static_cast<std::size_t>(BestTrial(pointers) - trials.data());
 }
 
@@ -195,9 +194,8 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
                                            {&images[1], &intrinsics, 1, true},
                                            {&images[0], &intrinsics, kAutoTurns, false}};
   const InitialPoseOptions initial;
-  const OrientationOptions options;
   StageClock clock;
-  const LabelContext context{views, structure, FindAliases(structure), &segmenter, initial, options,
+  const LabelContext context{views, structure, FindAliases(structure), &segmenter, initial,
                              1,     &clock};
   const std::vector<OrientationTrial> trials = TryOrientations(context);
   std::vector<std::pair<std::size_t, int>> tried;

@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
+#include "core/base/lists.h"
 #include "infer/initial/agreement.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
-#include "infer/initial/pose_sources.h"
+#include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/rig_choice.h"
-#include "infer/initial/same_pose.h"
 #include "infer/initial/shape_check.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
@@ -52,7 +52,7 @@ class PoseCandidates : public ::testing::Test {
 TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
   Add("top/front");
   Add("mid_top/right");
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure);
+  const auto pose = SolvePose(patches, PatchSet{0, 1}, Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -60,7 +60,7 @@ TEST_F(PoseCandidates, TwoSidesOfDifferentDirectionsFixThePose) {
 // Four centres in a plane alone would leave a mirror image; three in a line a turn about it.
 TEST_F(PoseCandidates, NormalsFixWhatParallelSidesLeaveFree) {
   for (const char* name : {"mid_bottom/front", "mid_top/front", "top/front"}) Add(name);
-  const auto pose = SolvePose(patches, PatchSet().set(0).set(1).set(2), Keypoints(), structure);
+  const auto pose = SolvePose(patches, PatchSet{0, 1, 2}, Keypoints(), structure);
   ASSERT_TRUE(pose.has_value());
   ExpectTruth(*pose);
 }
@@ -70,7 +70,7 @@ TEST_F(PoseCandidates, SidesAboveEachOtherFixNoTurn) {
                                              Box::FromMinMax("high", {0, 0.8, 0}, {0.4, 1, 0.4})});
   Add("low/up");
   Add("high/up");
-  EXPECT_FALSE(SolvePose(patches, PatchSet().set(0).set(1), Keypoints(), structure).has_value());
+  EXPECT_FALSE(SolvePose(patches, PatchSet{0, 1}, Keypoints(), structure).has_value());
 }
 
 TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
@@ -86,7 +86,7 @@ TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
   patches[5].normal_sigma = 0.2;  // a sliver, whose normal says little
   const PatchSet agreeing =
       AgreeingPatches(patches, Keypoints(), structure, kMostKeypointError, truth);
-  EXPECT_EQ(agreeing, PatchSet().set(0).set(5));
+  EXPECT_EQ(agreeing, (PatchSet{0, 5}));
 }
 
 TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
@@ -96,8 +96,7 @@ TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
   patches.push_back(WholeSide(structure, "bottom/front", truth));
   patches.push_back(WholeSide(structure, "top/right", truth));
   std::swap(patches[4].label, patches[5].label);
-  patches = LargestPatches(patches);
-  for (std::size_t i = 1; i < patches.size(); ++i) EXPECT_GE(patches[i - 1].area, patches[i].area);
+  SortLargestFirst(&patches, [](const SidePatch& patch) { return patch.area; });
   const std::vector<Pose> poses = FindCandidates(patches, structure, nullptr);
   ASSERT_FALSE(poses.empty());
   ExpectTruth(poses.front());
@@ -128,16 +127,15 @@ Pose Moved(const Pose& pose, double x, double yaw) {
 class Proposals : public testing::Test {
  protected:
   /// Of both sources, where labels have led the network to a pose.
-  std::vector<PoseCandidate> Competitors(const Pose& network, const LabelImage& labels) const {
-    const SegmentationResult segmentation = Certain(labels);
-    InitialPose initial;
-    initial.found = true;
-    initial.structure_from_sensor = network;
-    return FindCompetitors(view_, box_, FindAliases(box_), {{&segmentation, &initial}}, true,
-                           InitialPoseOptions());
+  std::vector<Hypothesis> Hypotheses(const Pose& network, const LabelImage& labels) const {
+    OrientationTrial trial;
+    trial.segmentation = Certain(labels);
+    trial.initial.found = true;
+    trial.initial.structure_from_sensor = network;
+    return FindHypotheses(view_, box_, FindAliases(box_), {&trial}, true, InitialPoseOptions());
   }
   PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
-    return ChooseTogether({{&view_, Competitors(network, labels), {}, 0}}, box_).front();
+    return ChooseTogether({{&view_, Hypotheses(network, labels), 0}}, box_).front();
   }
   LabelImage LabelsAt(const Pose& pose, const DepthErrorModel& errors) const {
     return LabelsFromPose(view_, box_, pose, SurfaceTolerance::AtRoughPose(errors)).labels;
@@ -161,7 +159,7 @@ TEST_F(Proposals, OfBothThatAgreeAreTheNetworks) {
     const PoseChoice choice = Combined(pose, LabelsAt(pose, view_.errors));
     EXPECT_TRUE(IsChosen(choice, pose)) << "labels tell from which end";
     EXPECT_EQ(choice.best.source, PoseSource::kNetwork);
-    EXPECT_FALSE(choice.ambiguous);
+    EXPECT_FALSE(choice.ambiguous());
   }
 }
 
@@ -180,7 +178,7 @@ TEST_F(Proposals, OfGeometryStandInWhereLabelsSayNothing) {
   const PoseChoice choice = Combined(elsewhere_, few);
   EXPECT_TRUE(IsChosen(choice, truth_) || IsChosen(choice, half_turn_));
   EXPECT_EQ(choice.best.source, PoseSource::kGeometry);
-  EXPECT_TRUE(choice.ambiguous);
+  EXPECT_TRUE(choice.ambiguous());
 }
 
 Structure Cube(double edge) {
@@ -248,7 +246,7 @@ TEST(CompareWithView, CountsPixels) {
     segmentation.confidence(6, v) = 0.3f;
   }
   const Agreement agreement = CompareWithView(MakeSensorView(depth, Coarse()), segmentation, box,
-                                              Pose::Identity(), 0.5, kTolerance);
+                                              Pose::Identity(), kTolerance);
   EXPECT_EQ(agreement.visible, 90);     // columns 1 to 9
   EXPECT_EQ(agreement.explained, 70);   // 3 to 9
   EXPECT_EQ(agreement.same_label, 40);  // 3, 4, 8, 9
@@ -263,7 +261,7 @@ TEST(CompareWithView, CountsPixels) {
 TEST(CompareWithView, NothingMeasuredIsNoAgreement) {
   const Agreement agreement =
       CompareWithView(MakeSensorView(DepthImage(20, 10, 0.0f), Coarse()),
-                      Certain(LabelImage(20, 10, 1)), LeftBox(), Pose::Identity(), 0.5, kTolerance);
+                      Certain(LabelImage(20, 10, 1)), LeftBox(), Pose::Identity(), kTolerance);
   EXPECT_EQ(agreement.visible, 0);
   EXPECT_EQ(agreement.either, 0);
   EXPECT_EQ(agreement.score(), 0);
@@ -306,7 +304,7 @@ TEST(ShapeLogOdds, AtTheTruePoseOnly) {
 // Within the tolerance of a first look, the sides of a box that is turned lie where they should.
 TEST(ShapeLogOdds, NotWhereASideFacesElsewhere) {
   const SensorView view = See(Stack(16), kTruth);
-  EXPECT_TRUE(HasShape(MeasureShape(PrepareSurface(view, Stack()), Stack(), kTruth)));
+  EXPECT_TRUE(HasShape(MeasureShape(LookAround(view, Stack()).surface, Stack(), kTruth)));
   EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
   EXPECT_TRUE(ShapeLogOdds(See(Stack(5), kTruth), Stack(), kTruth).has_value());
 }

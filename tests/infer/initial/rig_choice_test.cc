@@ -11,8 +11,6 @@
 #include "core/base/odds.h"
 #include "infer/initial/aliases.h"
 #include "infer/initial/floor.h"
-#include "infer/initial/relabel.h"
-#include "infer/initial/same_pose.h"
 #include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -33,7 +31,7 @@ struct Candidates {
   Structure structure = PaperStructure();
   std::vector<SensorView> views;
   std::vector<Pose> right, over;
-  std::vector<std::vector<PoseCandidate>> poses;
+  std::vector<std::vector<Hypothesis>> poses;
 
   /// `roll_deg`: of each sensor; 90 of those past its end.
   explicit Candidates(const std::vector<Evidence>& evidence,
@@ -45,7 +43,7 @@ struct Candidates {
       over.push_back(motion * right.back());
       views.push_back(
           MakeSensorView(Render(structure, Kinect(), right.back(), {false, 0}).depth, Kinect()));
-      PoseCandidate a, b;
+      Hypothesis a, b;
       a.structure_from_sensor = right.back();
       a.by_floor = evidence[i].floor;
       a.by_labels = evidence[i].labels;
@@ -58,9 +56,11 @@ struct Candidates {
   /// `turns`: of the right pose and of the other, where they are known. `alternative`: of the last
   /// sensor.
   std::vector<PoseChoice> Choose(const std::vector<int>& turns = {}, int alternative = 0) const {
-    std::vector<SensorCandidates> sensors;
-    for (std::size_t i = 0; i < views.size(); ++i)
-      sensors.push_back({&views[i], poses[i], turns, i + 1 == views.size() ? alternative : 0});
+    std::vector<SensorHypotheses> sensors;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      sensors.push_back({&views[i], poses[i], i + 1 == views.size() ? alternative : 0});
+      for (std::size_t k = 0; k < turns.size(); ++k) sensors[i].poses[k].turns = turns[k];
+    }
     return ChooseTogether(sensors, structure);
   }
   bool IsRight(const PoseChoice& choice, std::size_t i) const {
@@ -69,15 +69,15 @@ struct Candidates {
   void ExpectEach(const std::vector<PoseChoice>& choices, bool is_right, bool ambiguous) const {
     for (std::size_t i = 0; i < choices.size(); ++i) {
       EXPECT_EQ(IsRight(choices[i], i), is_right) << i;
-      EXPECT_EQ(choices[i].ambiguous, ambiguous) << i;
+      EXPECT_EQ(choices[i].ambiguous(), ambiguous) << i;
     }
   }
 };
 
 const Evidence kGood{0, 3, 0, -9}, kMisled{0, -12, 0, 4}, kFloor{12, 3, -14, 3};
 
-PoseCandidate Candidate(const Pose& pose, double floor, double names, double own_names = 0) {
-  PoseCandidate candidate;
+Hypothesis Candidate(const Pose& pose, double floor, double names, double own_names = 0) {
+  Hypothesis candidate;
   candidate.structure_from_sensor = pose;
   candidate.by_floor = floor;
   candidate.by_labels = names;
@@ -91,15 +91,15 @@ Pose Upright(double yaw_deg, double height) {
 }
 
 /// Of a single sensor.
-PoseChoice ChooseAmong(const std::vector<PoseCandidate>& poses) {
+PoseChoice ChooseAmong(const std::vector<Hypothesis>& poses) {
   const Candidates rig({{0, 0, 0, 0}});
-  return ChooseTogether({{&rig.views[0], poses, {}, 0}}, rig.structure).front();
+  return ChooseTogether({{&rig.views[0], poses, 0}}, rig.structure).front();
 }
 
 TEST(ChooseAlone, NothingAmongNothing) {
   const PoseChoice choice = ChooseAmong({});
   EXPECT_FALSE(choice.found);
-  EXPECT_FALSE(choice.ambiguous);
+  EXPECT_FALSE(choice.ambiguous());
 }
 
 TEST(ChooseAlone, TheFloorGoesBeforeTheLabels) {
@@ -107,7 +107,7 @@ TEST(ChooseAlone, TheFloorGoesBeforeTheLabels) {
       ChooseAmong({Candidate(Upright(0, 0), 12, -13), Candidate(Upright(90, 0.4), 0, 3)});
   ASSERT_TRUE(choice.found);
   EXPECT_EQ(choice.best.by_floor, 12);
-  EXPECT_FALSE(choice.ambiguous);
+  EXPECT_FALSE(choice.ambiguous());
 }
 
 TEST(ChooseAlone, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
@@ -115,7 +115,7 @@ TEST(ChooseAlone, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
     const PoseChoice choice =
         ChooseAmong({Candidate(Upright(90, 0.4), 1, names), Candidate(Upright(0, 0), 1, 3)});
     EXPECT_EQ(choice.best.by_labels, 3);
-    EXPECT_EQ(choice.ambiguous, 3 - names < std::log(kDecisiveOdds)) << names;
+    EXPECT_EQ(choice.ambiguous(), 3 - names < std::log(kDecisiveOdds)) << names;
   }
 }
 
@@ -123,9 +123,9 @@ TEST(ChooseAlone, LabelsDoNotTellUpFromDown) {
   const Pose over = FindAliases(PaperStructure()).front().motion;
   const PoseChoice choice = ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(over, 0, -9)});
   EXPECT_EQ(choice.best.by_labels, 3);
-  EXPECT_TRUE(choice.ambiguous);
-  EXPECT_EQ(choice.rival.by_labels, -9);
-  EXPECT_FALSE(ChooseAmong({Candidate(Upright(0, 0), 5, 3), Candidate(over, 0, -9)}).ambiguous)
+  EXPECT_TRUE(choice.ambiguous());
+  EXPECT_TRUE(SamePose(PaperStructure(), choice.alternatives[0].structure_from_sensor, over));
+  EXPECT_FALSE(ChooseAmong({Candidate(Upright(0, 0), 5, 3), Candidate(over, 0, -9)}).ambiguous())
       << "a floor does";
 }
 
@@ -142,23 +142,23 @@ TEST(ChooseAlone, TheRivalIsTheBestOfSeveral) {
   const PoseChoice choice =
       ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), 0, 0),
                    Candidate(Upright(180, 0.8), 0, 2), Candidate(Upright(-90, -0.4), 0, 1)});
-  EXPECT_TRUE(choice.ambiguous);
-  EXPECT_EQ(choice.rival.by_labels, 2);
+  EXPECT_TRUE(choice.ambiguous());
   ASSERT_EQ(choice.alternatives.size(), 3u);
+  EXPECT_NEAR(choice.alternatives[0].structure_from_sensor.translation().y(), 0.8, 1e-9);
   EXPECT_NEAR(choice.alternatives[0].log_odds, 1, 1e-9);
   EXPECT_NEAR(choice.alternatives[2].log_odds, 3, 1e-9);
 }
 
 // Poses 10 cm and 5 deg apart are one pose that different labels led to; geometry has none.
 TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
-  PoseCandidate first = Candidate(Upright(0, 0), 0, 3, -9);
-  PoseCandidate second = Candidate(Upright(5, 0.1), 0, 1, 2);
-  PoseCandidate third = Candidate(Upright(2, 0), 0, 1, 4);
+  Hypothesis first = Candidate(Upright(0, 0), 0, 3, -9);
+  Hypothesis second = Candidate(Upright(5, 0.1), 0, 1, 2);
+  Hypothesis third = Candidate(Upright(2, 0), 0, 1, 4);
   second.trial = 1;
   second.alias = 2;
   third.source = PoseSource::kGeometry;
   const PoseChoice choice = ChooseAmong({first, second, third});
-  EXPECT_FALSE(choice.ambiguous);
+  EXPECT_FALSE(choice.ambiguous());
   EXPECT_EQ(choice.best.trial, 1u);
   EXPECT_EQ(choice.best.alias, 2);
   EXPECT_EQ(choice.best.by_own_labels, 2);
@@ -170,7 +170,9 @@ TEST(ChooseTogether, LabelsOfMostDecideButSettleNothing) {
   const std::vector<PoseChoice> choices = rig.Choose();
   rig.ExpectEach(choices, true, true);
   for (std::size_t i = 0; i < choices.size(); ++i)
-    EXPECT_TRUE(SamePose(rig.structure, choices[i].rival.structure_from_sensor, rig.over[i])) << i;
+    EXPECT_TRUE(
+        SamePose(rig.structure, choices[i].alternatives[0].structure_from_sensor, rig.over[i]))
+        << i;
   // Where most are misled, all are: still one answer.
   const Candidates wrong({kMisled, kGood, kMisled, kMisled});
   wrong.ExpectEach(wrong.Choose(), false, true);
@@ -191,9 +193,9 @@ TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
     // The sensor that was asked about takes the others with it, and nothing is open any more.
     EXPECT_TRUE(SamePose(rig.structure, turned[i].best.structure_from_sensor, rig.over[i])) << i;
     EXPECT_EQ(turned[i].given, i == 3) << i;
-    EXPECT_FALSE(turned[i].ambiguous) << i;
+    EXPECT_FALSE(turned[i].ambiguous()) << i;
     EXPECT_TRUE(rig.IsRight(confirmed[i], i)) << i;
-    EXPECT_FALSE(confirmed[i].ambiguous) << i;
+    EXPECT_FALSE(confirmed[i].ambiguous()) << i;
   }
   EXPECT_FALSE(rig.Choose({}, 7)[3].given) << "it has no such pose";
 }
@@ -202,13 +204,13 @@ TEST(ChooseTogether, TheOtherSetIsListedAndCanBeChosen) {
 TEST(ChooseTogether, SmallDifferencesOfDepthsDoNotAddUp) {
   for (const double difference : {2.2, 2.4}) {
     Candidates rig(std::vector<Evidence>(6, {0, 3, 0, 3}));
-    for (std::vector<PoseCandidate>& poses : rig.poses) {
+    for (std::vector<Hypothesis>& poses : rig.poses) {
       poses[0].by_depth = 1;
       poses[0].by_outline = difference - 1;
     }
     const std::vector<PoseChoice> choices = rig.Choose();
     for (std::size_t i = 0; i < choices.size(); ++i)
-      EXPECT_EQ(choices[i].ambiguous, difference < std::log(kDecisiveOdds) / 2) << i;
+      EXPECT_EQ(choices[i].ambiguous(), difference < std::log(kDecisiveOdds) / 2) << i;
   }
 }
 
@@ -241,10 +243,12 @@ TEST(ChooseTogether, WhatNothingTellsIsNotGuessed) {
     std::vector<Evidence> evidence(6, open);
     if (floor) evidence[0] = evidence[1] = evidence[2] = evidence[3] = kFloor;
     const Candidates rig(evidence, roll);
-    std::vector<SensorCandidates> sensors;
-    for (std::size_t i = 0; i < rig.views.size(); ++i)
-      sensors.push_back({&rig.views[i], rig.poses[i],
-                         roll[i] > 0 ? std::vector<int>{0, 2} : std::vector<int>{3, 1}});
+    std::vector<SensorHypotheses> sensors;
+    for (std::size_t i = 0; i < rig.views.size(); ++i) {
+      sensors.push_back({&rig.views[i], rig.poses[i]});
+      sensors[i].poses[0].turns = roll[i] > 0 ? 0 : 3;
+      sensors[i].poses[1].turns = roll[i] > 0 ? 2 : 1;
+    }
     const std::vector<PoseChoice> choices = ChooseTogether(sensors, rig.structure);
     rig.ExpectEach(choices, true, !floor);
     for (std::size_t i = 0; i < choices.size(); ++i)
@@ -259,7 +263,7 @@ TEST(ChooseTogether, TwoThatSeeTheFloorSettleTheOthersAndOneDoesNot) {
     const Candidates rig(evidence);
     const std::vector<PoseChoice> choices = rig.Choose();
     for (std::size_t i = 0; i < choices.size(); ++i) {
-      EXPECT_EQ(choices[i].ambiguous, i == count && count == 1) << i << " of " << count;
+      EXPECT_EQ(choices[i].ambiguous(), i == count && count == 1) << i << " of " << count;
       if (count == 2) {
         EXPECT_TRUE(rig.IsRight(choices[i], i)) << i;
       }
@@ -304,12 +308,12 @@ TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
   }
   const std::vector<PoseChoice> choices = rig.Choose();
   EXPECT_TRUE(rig.IsRight(choices[1], 1));
-  EXPECT_FALSE(choices[1].ambiguous);
+  EXPECT_FALSE(choices[1].ambiguous());
 }
 
 /// A box whose side z = 1 faces Coarse's left half; its side x = 0 is square to that, next to
 /// column 9: there, points at 1.01 m lie 1 cm from the one and 13 mm from the other.
-class Reconcile : public ::testing::Test {
+class LabelsOfAPose : public ::testing::Test {
  protected:
   Structure box_ = Structure::FromBoxes(
       "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 1, 2))});
@@ -317,6 +321,7 @@ class Reconcile : public ::testing::Test {
   std::uint8_t next_ = static_cast<std::uint8_t>(LabelOf(box_, "b/front"));
   std::uint8_t far_ = static_cast<std::uint8_t>(LabelOf(box_, "b/right"));
   DepthImage depth_{20, 10, 1.01f};
+  Hypothesis hypothesis_;
   /// In one row, at column 9.
   struct Seen {
     std::uint8_t label;
@@ -330,33 +335,30 @@ class Reconcile : public ::testing::Test {
       result.confidence(9, 5) = seen.confidence;
       return result;
     };
-    std::vector<SegmentationResult> of_others;
-    of_others.reserve(others.size());
-    for (const Seen& other : others) of_others.push_back(labels(other));
-    std::vector<const SegmentationResult*> pointers;
-    pointers.reserve(of_others.size());
-    for (const SegmentationResult& other : of_others) pointers.push_back(&other);
-    SegmentationResult result = labels(own);
-    ReconcileLabels(MakeSensorView(depth_, Coarse()), box_, aliases, Pose::Identity(), pointers,
-                    0.5, &result);
+    std::vector<SegmentationResult> all{labels(own)};
+    for (const Seen& other : others) all.push_back(labels(other));
+    std::vector<const SegmentationResult*> of_trials;
+    for (const SegmentationResult& of_trial : all) of_trials.push_back(&of_trial);
+    const SegmentationResult result =
+        LabelsAt(MakeSensorView(depth_, Coarse()), box_, aliases, hypothesis_, of_trials);
     return {result.labels(9, 5), result.confidence(9, 5)};
   }
 };
 
-TEST_F(Reconcile, TheFixtureIsAsDescribed) {
+TEST_F(LabelsOfAPose, TheFixtureIsAsDescribed) {
   ASSERT_GT(near_ * next_ * far_, 0);
   const Eigen::Vector3d p = MakeSensorView(depth_, Coarse()).Point(9, 5);
   ASSERT_NEAR((box_.SideOfLabel(near_).ClosestPoint(p) - p).norm(), 0.01, 1e-6);
   ASSERT_NEAR((box_.SideOfLabel(next_).ClosestPoint(p) - p).norm(), 0.0126, 1e-4);
 }
 
-TEST_F(Reconcile, ALabelWhoseSideIsNearStaysThoughAnotherIsNearer) {
+TEST_F(LabelsOfAPose, ALabelWhoseSideIsNearStaysThoughAnotherIsNearer) {
   const Seen kept = At({next_, 0.6f}, {{near_, 0.9f}});
   EXPECT_EQ(kept.label, next_);
   EXPECT_EQ(kept.confidence, 0.6f);
 }
 
-TEST_F(Reconcile, AnyOtherPixelTakesTheNearestSideThatASourceNames) {
+TEST_F(LabelsOfAPose, AnyOtherPixelTakesTheNearestSideThatASourceNames) {
   for (const std::uint8_t own : {far_, std::uint8_t{0}}) {
     const Seen one = At({own, 0.8f}, {{next_, 0.9f}});
     EXPECT_EQ(one.label, next_);
@@ -367,12 +369,12 @@ TEST_F(Reconcile, AnyOtherPixelTakesTheNearestSideThatASourceNames) {
   }
 }
 
-TEST_F(Reconcile, SourcesThatAreNotSureHaveNoSay) {
+TEST_F(LabelsOfAPose, SourcesThatAreNotSureHaveNoSay) {
   EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.49f}}).label, far_);
   EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.5f}}).label, near_);
 }
 
-TEST_F(Reconcile, AnAliasNamesTheSideThatALabelHasAfterIt) {
+TEST_F(LabelsOfAPose, AnAliasNamesTheSideThatALabelHasAfterIt) {
   StructureAlias alias;
   alias.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
   alias.label_after[far_] = near_;
@@ -383,23 +385,23 @@ TEST_F(Reconcile, AnAliasNamesTheSideThatALabelHasAfterIt) {
   EXPECT_EQ(At({far_, 0.4f}, {}, {alias}).label, far_);
 }
 
-TEST_F(Reconcile, NothingChangesWithoutDepthOrAwayFromTheStructure) {
+TEST_F(LabelsOfAPose, NothingChangesWithoutDepthOrAwayFromTheStructure) {
   depth_ = DepthImage(20, 10, 0.0f);
   EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.9f}}).label, far_);
   depth_ = DepthImage(20, 10, 0.94f);
   EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.9f}}).label, far_);
 }
 
-TEST(Relabelled, SidesThatComeToLieOnNoneAreBackground) {
+TEST_F(LabelsOfAPose, ThatASymmetryMovedAreRenamedByIt) {
+  depth_ = DepthImage(20, 10, 0.0f);
   StructureAlias alias;
-  alias.label_after = {0, 3, 0};
-  LabelImage labels(4, 1, 0);
-  for (int u = 0; u < 4; ++u) labels(u, 0) = static_cast<std::uint8_t>(u);
-  const SegmentationResult after = Relabelled(Certain(labels), alias);
-  EXPECT_EQ(after.labels(0, 0), 0);
-  EXPECT_EQ(after.labels(1, 0), 3);
-  EXPECT_EQ(after.labels(2, 0), 0);
-  EXPECT_EQ(after.labels(3, 0), 0);  // beyond the table
+  alias.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
+  alias.label_after[far_] = near_;
+  hypothesis_.alias = 0;
+  EXPECT_EQ(At({0, 0.8f}, {}, {alias}).label, 0);
+  EXPECT_EQ(At({far_, 0.8f}, {}, {alias}).label, near_);
+  EXPECT_EQ(At({next_, 0.8f}, {}, {alias}).label, 0);
+  EXPECT_EQ(At({255, 0.8f}, {}, {alias}).label, 0) << "beyond the table";
 }
 
 Structure Cube() {

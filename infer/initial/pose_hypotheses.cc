@@ -1,0 +1,223 @@
+#include "infer/initial/pose_hypotheses.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <utility>
+
+#include "infer/depth/explain_view.h"
+#include "infer/initial/agreement.h"
+#include "infer/initial/aliases.h"
+#include "infer/initial/floor.h"
+#include "infer/initial/geometry_search.h"
+#include "infer/view/alike.h"
+
+namespace volalign {
+
+namespace {
+
+using Trials = std::vector<const OrientationTrial*>;
+
+/// m: a pose is labelled again while its labels move it farther than this.
+constexpr double kLabelsStay = 0.005;
+
+/// A trial's labels, as the sides have them after the motion of the hypothesis' symmetry.
+SegmentationResult Renamed(SegmentationResult of_trial, const Hypothesis& hypothesis,
+                           const std::vector<StructureAlias>& aliases) {
+  if (hypothesis.alias < 0) return of_trial;
+  const std::vector<std::uint8_t>& after =
+      aliases[static_cast<std::size_t>(hypothesis.alias)].label_after;
+  for (std::uint8_t& label : of_trial.labels)
+    label = label < after.size() ? after[label] : std::uint8_t{0};
+  return of_trial;
+}
+
+/// A frame and its trials' labels with fewer rays.
+struct Coarse {
+  SensorView view;
+  std::vector<SegmentationResult> labels;  // of each trial
+};
+
+Coarse Decimated(const SensorView& view, const Trials& trials) {
+  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
+  Coarse coarse{Decimate(view, stride), {}};
+  for (const OrientationTrial* trial : trials)
+    coarse.labels.push_back(Decimate(trial->segmentation, stride));
+  return coarse;
+}
+
+std::vector<Hypothesis> OfTrials(const std::vector<StructureAlias>& aliases, const Trials& trials,
+                                 bool known_up) {
+  std::vector<Hypothesis> poses;
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    if (!trials[t]->initial.found) continue;
+    const Pose& pose = trials[t]->initial.structure_from_sensor;
+    const int turns = known_up ? 0 : trials[t]->turns;
+    poses.push_back({pose, PoseSource::kNetwork, t, -1, turns});
+    for (std::size_t a = 0; a < aliases.size(); ++a) {
+      if (aliases[a].keeps_up() || !known_up)
+        poses.push_back({aliases[a].motion * pose, PoseSource::kNetwork, t, static_cast<int>(a),
+                         (turns + (aliases[a].keeps_up() ? 0 : 2)) % 4});
+    }
+  }
+  return poses;
+}
+
+/// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Every
+/// pose is therefore estimated again before it is judged, once for all that are about the same.
+void EstimateAgain(const Coarse& coarse, const Structure& structure,
+                   const std::vector<StructureAlias>& aliases, const InitialPoseOptions& options,
+                   std::vector<Hypothesis>* poses) {
+  std::vector<const SegmentationResult*> of_trials;
+  for (const SegmentationResult& labels : coarse.labels) of_trials.push_back(&labels);
+  std::vector<std::pair<Pose, Pose>> known;  // before and after
+  for (Hypothesis& each : *poses) {
+    Pose& pose = each.structure_from_sensor;
+    auto same = std::find_if(known.begin(), known.end(), [&](const auto& pair) {
+      return SamePose(structure, pair.first, pose);
+    });
+    if (same == known.end()) {
+      const InitialPose again = EstimateInitialPose(
+          coarse.view, LabelsAt(coarse.view, structure, aliases, each, of_trials), structure,
+          options, &pose);
+      known.emplace_back(pose, again.found ? again.structure_from_sensor : pose);
+      same = known.end() - 1;
+    }
+    pose = same->second;
+  }
+}
+
+/// The turns of poses found by geometry follow from the side of the picture that is up, as compared
+/// with a pose of the network.
+void AddGeometry(const SensorView& view, const Structure& structure,
+                 const std::vector<StructureAlias>& aliases, bool known_up,
+                 std::vector<Hypothesis>* poses) {
+  const std::vector<Hypothesis> of_trials = *poses;
+  for (const GeometricPose& found : FindPosesByGeometry(view, structure, aliases)) {
+    const Pose& pose = found.structure_from_sensor;
+    Hypothesis each{pose, PoseSource::kGeometry};
+    if (!of_trials.empty() && known_up &&
+        std::all_of(of_trials.begin(), of_trials.end(), [&](const Hypothesis& other) {
+          return TurnsOver(other.structure_from_sensor, pose);
+        }))
+      continue;
+    if (!of_trials.empty() && !known_up) {
+      const Hypothesis& first = of_trials.front();
+      each.turns =
+          (UprightTurns(pose) + first.turns + 4 - UprightTurns(first.structure_from_sensor)) % 4;
+    }
+    poses->push_back(each);
+  }
+}
+
+double ByAllLabels(const ViewExplanation& view) {
+  return view.LogOddsByLabels() + view.LogOddsByOutline();
+}
+
+}  // namespace
+
+bool AsksGeometry(PoseMethod method) {
+  return method == PoseMethod::kAuto || method == PoseMethod::kGeometry;
+}
+
+std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
+                                       const std::vector<StructureAlias>& aliases,
+                                       const Trials& trials, bool known_up,
+                                       const InitialPoseOptions& initial) {
+  std::vector<Hypothesis> poses = OfTrials(aliases, trials, known_up);
+  if (!poses.empty()) EstimateAgain(Decimated(view, trials), structure, aliases, initial, &poses);
+  if (AsksGeometry(initial.method)) AddGeometry(view, structure, aliases, known_up, &poses);
+  WeighHypotheses(view, structure, aliases, trials, &poses);
+  return poses;
+}
+
+void WeighHypotheses(const SensorView& view, const Structure& structure,
+                     const std::vector<StructureAlias>& aliases, const Trials& trials,
+                     std::vector<Hypothesis>* hypotheses) {
+  const Coarse coarse = Decimated(view, trials);
+  std::vector<Pose> poses;
+  for (const Hypothesis& each : *hypotheses) poses.push_back(each.structure_from_sensor);
+  const std::vector<FloorFit> floors = FindFloors(view, structure, poses);
+  bool labels_speak = false;
+  for (std::size_t k = 0; k < poses.size(); ++k) {
+    Hypothesis& each = (*hypotheses)[k];
+    const auto explain = [&](const SegmentationResult* by) {
+      return ExplainView(coarse.view, by, structure, poses[k], kRoughPose, kLeastConfidence);
+    };
+    ViewExplanation best = explain(nullptr);
+    each.by_floor = floors[k].LogOdds();
+    each.by_depth = best.LogOddsByDepth();
+    for (const SegmentationResult& labels : coarse.labels) {
+      const ViewExplanation other = explain(&labels);
+      if (other.has_labels() && (!best.has_labels() || ByAllLabels(other) > ByAllLabels(best)))
+        best = other;
+    }
+    each.by_labels = best.LogOddsByLabels();
+    each.by_outline = best.LogOddsByOutline();
+    labels_speak = labels_speak || each.by_outline > 0;
+    if (each.source == PoseSource::kNetwork) {
+      const SegmentationResult own = Renamed(coarse.labels[each.trial], each, aliases);
+      each.by_own_labels = explain(&own).LogOddsByLabels();
+    }
+  }
+  if (labels_speak) return;
+  for (Hypothesis& each : *hypotheses) each.by_labels = each.by_outline = 0;
+}
+
+SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
+                            const std::vector<StructureAlias>& aliases,
+                            const Hypothesis& hypothesis,
+                            const std::vector<const SegmentationResult*>& of_trials) {
+  SegmentationResult labels = Renamed(*of_trials[hypothesis.trial], hypothesis, aliases);
+  std::vector<const SegmentationResult*> sources = of_trials;
+  sources.erase(sources.begin() + static_cast<std::ptrdiff_t>(hypothesis.trial));
+  sources.insert(sources.begin(), &labels);
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
+  view.VisitMeasured(1, [&](int u, int v) {
+    const Eigen::Vector3d p = hypothesis.structure_from_sensor * view.Point(u, v);
+    const double farthest = tolerance(view.depth(u, v));
+    const auto distance = [&](std::uint8_t label) {
+      return label == 0 || label >= structure.num_classes()
+                 ? farthest
+                 : (structure.SideOfLabel(label).ClosestPoint(p) - p).norm();
+    };
+    if (distance(labels.labels(u, v)) < farthest) return;
+    struct {
+      std::uint8_t label;
+      float confidence;
+      double distance;  // m
+    } nearest{0, 0, farthest};
+    for (const SegmentationResult* source : sources) {
+      const std::uint8_t label = source->labels(u, v);
+      const float confidence = source->confidence(u, v);
+      if (label == 0 || !(confidence >= kLeastConfidence)) continue;
+      const auto consider = [&](std::uint8_t other) {
+        const double d = distance(other);
+        if (d < nearest.distance) nearest = {other, confidence, d};
+      };
+      consider(label);
+      for (const StructureAlias& alias : aliases) {
+        if (label < alias.label_after.size()) consider(alias.label_after[label]);
+      }
+    }
+    if (nearest.label == 0) return;
+    labels.labels(u, v) = nearest.label;
+    labels.confidence(u, v) = nearest.confidence;
+  });
+  return labels;
+}
+
+LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose,
+                         const InitialPoseOptions& options) {
+  LabelledPose labelled;
+  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
+  for (int round = 0; round < kRounds; ++round) {
+    labelled.segmentation = LabelsFromPose(view, structure, pose, tolerance);
+    labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &pose);
+    if (!labelled.initial.found) break;
+    const Pose before = std::exchange(pose, labelled.initial.structure_from_sensor);
+    if (ComparePoses(before, pose).translation_m < kLabelsStay) break;
+  }
+  return labelled;
+}
+
+}  // namespace volalign
