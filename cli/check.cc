@@ -42,15 +42,15 @@ void AddCheckOptions(CLI::App* app, CheckOptions* options) {
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app->add_option("--update", options->update,
-                  "write an extrinsics.json with new poses of what moved, in the structure frame "
-                  "of the last calibration; what stayed keeps its poses");
+                  "write an extrinsics.json with new poses of the sensors that moved, in the "
+                  "structure frame of the last calibration. The others keep their poses");
   app->add_option(
          "--false-alarm", options->movement.false_alarm,
-         "probability of taking a sensor that stayed for a moved one, if errors are normal")
+         "probability that a sensor that stayed is reported as moved, if errors are normal")
       ->check(CLI::Range(1e-12, 0.1))
       ->capture_default_str();
   app->add_option("-o,--output", options->request.output,
-                  "folder for check.json and for what `calibrate` writes of the new capture");
+                  "folder for check.json and for the files of `calibrate` for the new capture");
 }
 
 int RunCheck(const CheckOptions& options) {

@@ -148,22 +148,21 @@ void AddConvert(py::module_& module) {
   module.attr("pose_formats") = py::tuple(formats);
 
   const std::string colour = kColourCameras;
-  module.def("convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"),
-             py::kw_only(), py::arg("from_format") = "volalign",
-             py::arg("colour_cameras") = ColourFiles(), py::arg("origin") = "structure",
-             py::arg("up") = py::none(), py::arg("camera") = "depth",
-             ("Writes poses as another program reads them (docs/conversion.md).\n\n"
-              "source: a Result, or a file or folder of from_format. format: one of pose_formats "
-              "but volalign. output: a file; a folder for colmap, volumetric_capture and "
-              "livescan3d_... " +
-              colour +
-              "origin: of the written poses: structure, floor (the point of the floor below the "
-              "structure's origin) or a sensor's name. up: y or z, the axis that is up; None: what "
-              "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
-              "depth or colour, whose poses and intrinsics are written. "
-              "Returns what the format has no place for, a sentence each. Raises ConfigError, "
-              "DataError, IoError.")
-                 .c_str());
+  module.def(
+      "convert", &Convert, py::arg("source"), py::arg("format"), py::arg("output"), py::kw_only(),
+      py::arg("from_format") = "volalign", py::arg("colour_cameras") = ColourFiles(),
+      py::arg("origin") = "structure", py::arg("up") = py::none(), py::arg("camera") = "depth",
+      ("Writes poses as another program reads them (docs/conversion.md).\n\n"
+       "source: a Result, or a file or folder of from_format. format: one of pose_formats "
+       "but volalign. output: a file; a folder for colmap, volumetric_capture and "
+       "livescan3d_... " +
+       colour +
+       "\norigin: origin of the written poses: structure, floor (the point of the floor below the "
+       "structure's origin) or a sensor's name.\nup: y or z, the axis that is up. None: that of "
+       "the format, or that sensor's own axes if a sensor is the origin.\ncamera: depth or colour, "
+       "whose poses and intrinsics are written. Returns what the format has no place for, a "
+       "sentence each. Raises ConfigError, DataError, IoError.")
+          .c_str());
   module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
              py::arg("colour_cameras") = ColourFiles(),
              ("SensorPose by name, of a file or folder of any of pose_formats. " + colour +

@@ -284,15 +284,17 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
     LocatedFrame frame;
     frame.own_pose = found->pose;
     frame.points = PointsAt(seen, id, structure, found->pose, options);
-    frame.by_neighbours =
-        Finding{SensorCode::kByNeighbours,
-                fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm",
-                            failure->reason, NamesOf(neighbours), 1000 * found->sigma_position_m),
-                failure->hint};
+    frame.by_neighbours = Finding{
+        SensorCode::kByNeighbours,
+        fmt::format(
+            "{0}. So its pose, known to {2:.0f} mm, comes from what it sees in common with {1}",
+            failure->reason, NamesOf(neighbours), 1000 * found->sigma_position_m),
+        failure->hint};
     frame.rests_on = RestsOn(lost, neighbours, found->pose);
     if (const std::string in_doubt = InDoubt(seen, frame.rests_on); !in_doubt.empty()) {
       frame.by_neighbours->code = SensorCode::kAmbiguous;
-      frame.by_neighbours->reason += fmt::format("; it would follow {} to another pose", in_doubt);
+      frame.by_neighbours->reason +=
+          fmt::format(". If {} has another pose, so has this sensor", in_doubt);
     }
     results[id] = std::move(frame);
   }

@@ -36,9 +36,8 @@ Pose LivescanCamera(PoseFormat format, const std::string& name,
   }
   if (!colour) {
     throw ConfigError(fmt::format(
-        "livescan3d_azure: its points are those of the colour camera, and where that of {0} is "
-        "to its depth camera is not known; give the device's raw calibration by "
-        "--colour-camera {0}=FILE.json",
+        "livescan3d_azure: poses are those of colour cameras, and the place of {0}'s colour camera "
+        "is not known; give the device's raw calibration with --colour-camera {0}=FILE.json",
         name));
   }
   return colour->colour_from_depth;
@@ -220,8 +219,8 @@ std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, b
   if (sensors.empty()) return "";
   const bool held = format != PoseFormat::kVolumetricCapture && !IsLivescan(format) && !colour;
   return fmt::format(
-      "the poses belong to corrected depths, {}; without the correction, points at the structure "
-      "are off by so many mm: {}",
+      "the poses belong to corrected depths, {}. Without the correction, points at the structure "
+      "are off (mm): {}",
       held     ? "by each sensor's depth_gain and depth_offset_m in the file"
       : colour ? "and these corrections of the depth cameras are not in the file"
                : "and these corrections have no place in it",
