@@ -28,7 +28,7 @@ std::vector<StructureAlias> FindAliases(const Structure& structure);
 bool LeavesFloor(const Pose& from, const Pose& to);
 
 /// Describes how the structure stands at `to` as compared with `from`, as in "upside down", "turned
-/// by 90 deg and 0.41 m higher" or "0.30 m beside".
+/// by 90 deg and 0.41 m higher" or "shifted by 0.30 m".
 std::string DescribeMotion(const Pose& from, const Pose& to);
 
 }  // namespace volalign

@@ -66,7 +66,7 @@ Poses ReadOpencv(const std::string& text, const std::string& name);
 std::string WriteRos(const Poses& poses, const FileFrame& frame);
 Poses ReadRos(const std::string& text, const std::string& name);
 
-/// Its world has z up, as in ros.
+/// Writes files for VolumetricCapture. Their world has z up, as in ros.
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
 
