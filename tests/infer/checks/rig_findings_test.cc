@@ -44,7 +44,7 @@ TEST(RigFindings, EveryQuantityBeyondThreeSigmasHasItsOwn) {
         Case{{Kind::kDepthOffset, 0, 0.03, 0.007, 0.001},
              RigCode::kDepthOff,
              {"S0"},
-             "where 7.0 mm are usual"}}) {
+             "differences of 7.0 mm are usual"}}) {
     RefineResult refined;
     refined.quantities = {c.quantity};
     const std::vector<RigFinding> findings = Explain(refined);
