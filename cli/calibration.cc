@@ -172,19 +172,18 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
          "shape alone")
       ->capture_default_str();
   app->add_option("--structure", request->structure,
-                  "the structure (.yaml); without it the capture's, else the model's");
+                  "the structure (.yaml). Without it: that of the capture, else that of the model");
   app->add_option("--initial", request->initial,
-                  "what initial poses come from: network, geometry, auto (the default: geometry, "
-                  "and the network where there is a model), or paper (the paper's estimator)")
+                  "source of initial poses: network, geometry, auto (the default: geometry, and "
+                  "the network if there is a model), or paper (the paper's estimator)")
       ->check(CLI::IsMember({"auto", "network", "geometry", "paper"}));
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
-  app->add_option(
-         "--choose", request->choose,
-         "SENSOR=NUMBER: takes that pose of a sensor for which several fit (twins in "
-         "extrinsics.json, and in the report). The others follow. 1 is the pose that would "
-         "be chosen")
+  app->add_option("--choose", request->choose,
+                  "SENSOR=NUMBER: takes that one of several poses that fit a sensor (`twins` in "
+                  "extrinsics.json, and in the report). The other sensors follow. 1 is the pose "
+                  "that would be chosen")
       ->take_all();
   app->add_option_function<std::string>("--twin",
                                         [](const std::string&) {
@@ -192,10 +191,10 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
                                               "--twin", "--choose SENSOR=NUMBER does this now");
                                         })
       ->group("");
-  CLI::Option* const prior = app->add_option("--prior", request->prior,
-                                             "poses that are known beforehand, in a world of their "
-                                             "own: a file that convert reads. Sensors "
-                                             "of the same names use them as a prior");
+  CLI::Option* const prior =
+      app->add_option("--prior", request->prior,
+                      "file with poses that are known beforehand, in any format that convert "
+                      "reads. Sensors with the same names use them as priors");
   app->add_option("--prior-from", request->prior_from, "format of --prior, as convert --from")
       ->capture_default_str();
   CLI::Option* const sigma =
@@ -213,13 +212,12 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
       ->capture_default_str();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   app->add_option("--set", request->assignments,
-                  "KEY=VALUE over the config, e.g. refine.box_sigma_m=0.01")
+                  "KEY=VALUE: replaces a value of the config, e.g. refine.box_sigma_m=0.01")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
   AddAssignment(app, "--device", "device", &request->assignments, "cpu, cuda or cuda:N");
   app->add_option("--note", request->note,
-                  "anything to remember of it, e.g. \"S3 on the new tripod\": stands in the report "
-                  "and in extrinsics.json");
+                  "a note for the report and extrinsics.json, e.g. \"S3 on the new tripod\"");
   app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");
   request->table.AddOptions(app);
 }
@@ -264,14 +262,13 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
       out.stills, out.structure, segmenter, config,
       [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
   if (!structure && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
-    out.result.findings.insert(
-        out.result.findings.begin(),
-        {RigCode::kStructureAssumed,
-         {},
-         fmt::format("no structure was given, and most sensors do not see \"{}\", which the model "
-                     "knows",
-                     out.structure.name()),
-         "describe your boxes in a YAML, and give it with --structure"});
+    out.result.findings.insert(out.result.findings.begin(),
+                               {RigCode::kStructureAssumed,
+                                {},
+                                fmt::format("no structure was given, and most sensors do not see "
+                                            "\"{}\", the structure that the model knows",
+                                            out.structure.name()),
+                                "describe your boxes in a YAML, and give it with --structure"});
   }
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});

@@ -37,7 +37,7 @@ void AddComparison(CLI::App* app, Comparison* comparison) {
   AddCalibrationOptions(app, &comparison->request);
   app->add_option(
          "--false-alarm", comparison->movement.false_alarm,
-         "probability of taking a sensor that stayed for a moved one, if errors are normal")
+         "probability that a sensor that stayed is reported as moved, if errors are normal")
       ->check(CLI::Range(1e-12, 0.1))
       ->capture_default_str();
 }
@@ -96,7 +96,7 @@ Command AddCheckCommand(CLI::App& program) {
                                         })
       ->group("");
   app->add_option("-o,--output", options->request.output,
-                  "folder for check.json and for what `calibrate` writes of the new capture");
+                  "folder for check.json and for the files of `calibrate` for the new capture");
   return {app, [options] {
             const RigCheck check = Compare(*options).check;
             if (check.MovedBeyond(0.001 * options->max_mm, options->max_deg)) return kMovedStatus;

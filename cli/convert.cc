@@ -108,9 +108,8 @@ Command AddConvertCommand(CLI::App& program) {
                   "it, by --origin");
   app->add_option(
          "--colour-camera", options->colour_cameras,
-         "SENSOR=FILE: raw calibration JSON of that Azure Kinect, which says where its "
-         "colour camera is, where the input does not; --camera colour and livescan3d_azure "
-         "need it of every sensor")
+         "SENSOR=FILE: raw calibration JSON of that Azure Kinect. It says where the colour camera "
+         "is. --camera colour and livescan3d_azure need it unless the input has it")
       ->take_all();
   return {app, [options] { return RunConvert(*options); }};
 }

@@ -60,7 +60,7 @@ void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
       ->check(CLI::Range(1, 256))
       ->capture_default_str();
   app->add_option("--max-captures", options->max_captures,
-                  "so many captures of each dataset, evenly taken; 0: all")
+                  "number of captures of each dataset, evenly spaced; 0: all")
       ->needs(suite)
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
@@ -68,43 +68,46 @@ void AddSuiteOptions(CLI::App* app, EvaluateOptions* options) {
 
 void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_option("--model", options->models,
-                  "checkpoints; several are compared on the same frames; without it, the shipped "
+                  "checkpoints; several are compared on the same frames. Without it: the shipped "
                   "one (models/m05-lite.safetensors)");
   app->add_option("--rig,--rigs", options->rigs.files, "rig.yaml files, rendered in memory");
   app->add_option("--sensors", options->rigs.sensors,
                   "run each rig with each of these models for all its sensors, e.g. "
                   "azure_kinect_nfov_binned realsense_d415; without it, with the rig's own");
-  app->add_option("--seeds", options->seeds,
-                  "FIRST:END (END not included) or a list with commas; the rig's own without it");
+  app->add_option(
+      "--seeds", options->seeds,
+      "FIRST:END (END not included) or a list with commas. Without it: the seed of the rig");
   app->add_option("--capture,--captures", options->captures,
                   "capture.json files, scored by residuals and, where they have it, ground truth");
   app->add_option("--compare", options->compare,
-                  "KEY=VALUE,VALUE: a calibration option under which each still is calibrated with "
-                  "each value, side by side");
+                  "KEY=VALUE,VALUE: a calibration option. Each capture is calibrated with each "
+                  "value, side by side");
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
-  app->add_option("--set", options->assignments, "KEY=VALUE over the calibration options")
+  app->add_option("--set", options->assignments,
+                  "KEY=VALUE: replaces a value of the calibration options")
       ->take_all();
   AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
   AddAssignment(app, "--device", "device", &options->assignments, "cpu, cuda or cuda:N");
-  app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE over every rig")->take_all();
-  app->add_option("--placements", options->rigs.placements,
-                  "numbers of placements of the structure, e.g. 1 2 4. Each rig is calibrated with "
-                  "that many captures: first those of the rig, then drawn ones. Without it: those "
-                  "of the rig")
+  app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE: replaces a value of every rig")
+      ->take_all();
+  app->add_option(
+         "--placements", options->rigs.placements,
+         "numbers of placements of the structure, e.g. 1 2 4. Each rig is calibrated with so many "
+         "captures: first those of the rig, then drawn ones. Without it: those of the rig")
       ->check(CLI::Range(1, 6));
   app->add_option("--placement-radius", options->rigs.placement_radius_m,
-                  "drawn placements lie within so many m of the first")
+                  "largest distance of drawn placements from the first, m")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app->add_flag("--keep-yaw", options->rigs.keep_yaw,
                 "leave the structure as the rig turns it; else each seed turns it by the golden "
                 "angle more");
   app->add_option("--renderer", options->renderer,
-                  "egl, cpu or auto, see data.renderer (docs/config.md)")
+                  "egl, cpu or auto; see data.renderer (docs/config.md)")
       ->check(CLI::IsMember({"egl", "cpu", "auto"}))
       ->capture_default_str();
   app->add_option("--egl-device", options->egl_device,
-                  "EGL device; the first that works, or software, without it");
+                  "EGL device to use. Without it: the first that works, or software");
   AddSuiteOptions(app, options);
   options->table.AddOptions(app);
   // A suite writes all of its tables into suite.json.

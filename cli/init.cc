@@ -29,9 +29,9 @@ int RunInit(const InitOptions& options) {
   const fs::path output =
       options.output.empty() ? fs::path(options.folder) / "capture.json" : fs::path(options.output);
   if (fs::exists(output) && !options.force && !IsAsWritten(output)) {
-    throw ConfigError(output.string() +
-                      " is there already, and is not as `volalign init` wrote it; --force replaces "
-                      "it");
+    throw ConfigError(
+        output.string() +
+        " exists and was changed since `volalign init` wrote it; --force replaces it");
   }
   CaptureDraftOptions draft_options;
   if (options.depth_scale > 0) draft_options.depth_scale = options.depth_scale;
@@ -76,15 +76,15 @@ Command AddInitCommand(CLI::App& program) {
                   "metres per unit of depth files: 0.001 for millimetres, 0.0001 for RealSense's "
                   "100 um, 1 for metres; a recording states its own")
       ->check(CLI::PositiveNumber);
-  app->add_option("--intrinsics", options->intrinsics,
-                  "file of intrinsics for the sensors that have none of their own; typical: those "
-                  "of configs/intrinsics.yaml for the kind that --sensor names, with which poses "
-                  "are weak");
+  app->add_option(
+      "--intrinsics", options->intrinsics,
+      "file of intrinsics for sensors that have none of their own. typical: those of "
+      "configs/intrinsics.yaml for the kind that --sensor names; all poses are then weak");
   app->add_option("--structure", options->structure,
                   "the structure that the sensors see (.yaml), for `calibrate`");
   app->add_option("--sensor", options->sensor,
                   "kind of the devices, a name of configs/intrinsics.yaml, e.g. "
-                  "azure_kinect_nfov_binned: what lens their frames have");
+                  "azure_kinect_nfov_binned. It decides which lens is assumed");
   app->add_option("-o,--output", options->output, "file to write; FOLDER/capture.json without it");
   app->add_flag("--force", options->force,
                 "replace a file that was changed since `volalign init` wrote it");

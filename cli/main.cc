@@ -90,8 +90,9 @@ int Written(int status) {
 }
 
 int Run(int argc, char** argv) {
-  CLI::App program("volalign aligns depth sensors from one still frame each of a stack of boxes",
-                   "volalign");
+  CLI::App program(
+      "volalign finds the poses of depth sensors from one depth frame each of a stack of boxes",
+      "volalign");
   program.set_version_flag("--version", VersionText);
   program.require_subcommand(1);
   program.formatter(HelpFormatter());

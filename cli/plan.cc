@@ -56,9 +56,10 @@ Command AddPlanCommand(CLI::App& program) {
   CLI::App* app = program.add_subcommand(
       "plan", "Predict what the sensors of a planned rig see and how well they will be placed");
   app->add_option("rig", options->rig, "rig.yaml, e.g. configs/rig_ring8.yaml")->required();
-  app->add_option("--set", options->assignments, "KEY=VALUE over the rig")->take_all();
+  app->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the rig")
+      ->take_all();
   app->add_option("--trials", options->trials,
-                  "measurements to calibrate, each with other errors of the sensors")
+                  "number of trials: simulated calibrations, each with other errors of the sensors")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
   app->add_option("--threads", options->threads, "threads over sensors")

@@ -56,13 +56,15 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
                   "training recipe: write samples as training sees them; continues an "
                   "interrupted run")
       ->excludes(rig);
-  app->add_option("--set", options->assignments, "KEY=VALUE over the rig or recipe")->take_all();
+  app->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the rig or recipe")
+      ->take_all();
   app->add_option("-o,--output", options->output, "folder to write")->required();
   app->add_option("--index", options->index, "first sample")->excludes(rig);
   app->add_option("--count", options->count, "number of samples")
       ->check(CLI::Range(1, 1000000000))
       ->excludes(rig);
-  app->add_option("--seed", options->seed, "of the samples; the recipe's run.seed without it")
+  app->add_option("--seed", options->seed,
+                  "seed of the samples. Without it: run.seed of the recipe")
       ->excludes(rig);
   app->add_option("--threads", options->threads,
                   "threads that render, and as many that compress; 0: one per core")
@@ -83,11 +85,11 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
       ->capture_default_str();
   app->add_flag("--force", options->force, "replace the capture that the folder has")->needs(rig);
   app->add_option("--renderer", options->renderer,
-                  "egl, cpu or auto, see data.renderer (docs/config.md); the "
-                  "recipe's, and egl for a rig, without it")
+                  "egl, cpu or auto; see data.renderer (docs/config.md). Without it: that of the "
+                  "recipe, and egl for a rig")
       ->check(CLI::IsMember({"egl", "cpu", "auto"}));
   app->add_option("--egl-device", options->egl_device,
-                  "EGL device; the first that works, or software, without it");
+                  "EGL device to use. Without it: the first that works, or software");
   options->table.AddOptions(app);
   for (const char* format : {"--json", "--csv"}) app->get_option(format)->needs(rig);
 }

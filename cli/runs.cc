@@ -54,8 +54,8 @@ Command AddRunsCommand(CLI::App& program) {
   options->table.AddOptions(list);
   CLI::App* compare = AddVerb(
       app, "compare",
-      "A row for each configuration: the folder of its first run, the keys that differ, mean and "
-      "standard deviation of the metrics over its seeds, differences from the first one",
+      "One row per configuration: the folder of its first run, the keys that differ, and the mean "
+      "and standard deviation of the metrics over its seeds. Differences are from the first row",
       options.get());
   options->table.AddOptions(compare);
   compare

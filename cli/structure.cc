@@ -113,25 +113,29 @@ Command AddStructureCommand(CLI::App& program) {
       ->add_option("boxes", options->boxes,
                    "YAML of boxes, millimetres (see configs/structure.yaml)")
       ->required();
-  build->add_option("-o,--output", options->glb, "picture of it to write, glTF (.glb)")->required();
+  build->add_option("-o,--output", options->glb, "picture of the stack to write, glTF (.glb)")
+      ->required();
   options->table.AddOptions(build);
   CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
   show->add_option("structure", options->show, ".yaml")->required();
   options->table.AddOptions(show);
 #ifdef VOLALIGN_HAS_INFER
-  CLI::App* check = app->add_subcommand(
-      "check", "Say whether a set of boxes is a good target: symmetries, and what views tell");
+  CLI::App* check = app->add_subcommand("check",
+                                        "Say whether a set of boxes is a good target: its "
+                                        "symmetries, and which views determine a pose");
   check->add_option("structure", options->check, ".yaml")->required();
   check
       ->add_option("--distance", options->views.distance_m,
                    "horizontal distance of the sensors from the stack's middle, m")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  check->add_option("--heights", options->views.heights_m, "of the sensors above the floor, m")
+  check
+      ->add_option("--heights", options->views.heights_m,
+                   "height of the sensors above the floor, m")
       ->check(CLI::PositiveNumber)
       // CLI11's own text of a list changes where LibTorch's operator<< for vectors is visible.
       ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
-  check->add_option("-o,--output", options->picture, "picture of it, SVG");
+  check->add_option("-o,--output", options->picture, "picture of the stack to write, SVG");
   options->table.AddOptions(check);
   CLI::App* sheet = app->add_subcommand(
       "sheet", "Draw how to build it: one A4 page to print, with every length in mm");
@@ -147,12 +151,12 @@ Command AddStructureCommand(CLI::App& program) {
       ->add_option("-o,--output", options->suggested,
                    "file to write, YAML; its sheet is put beside it (.svg)")
       ->required();
-  suggest->add_option("--height", options->suggest.height_m, "of the stack, m, at most")
+  suggest->add_option("--height", options->suggest.height_m, "largest height of the stack, m")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   suggest
       ->add_option("--candidates", options->suggest.candidates,
-                   "stacks that are drawn at random and compared")
+                   "number of stacks that are drawn at random and compared")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   suggest->add_option("--threads", options->suggest.threads, "threads over the stacks")

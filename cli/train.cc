@@ -50,8 +50,8 @@ void ChooseThreads(const std::filesystem::path& run_dir, int idle, int processes
   if (threads == 0) threads = std::max(1, idle / processes);
   if (threads > 1 && threads * processes > idle)
     fmt::print(stderr,
-               "warning: run.threads = {} exceeds the number of idle processors, {} of {}: beside "
-               "other programs, run.threads=1 may be several times as fast\n",
+               "warning: run.threads = {}, but only {} of {} processors are idle. Beside other "
+               "programs, run.threads=1 may be several times as fast\n",
                threads, idle, std::thread::hardware_concurrency());
 }
 
@@ -75,8 +75,8 @@ int TrainOne(const TrainCommandOptions& options) {
   if (options.processes > 1 && world.store.empty()) {
     if (world.size > 1) {
       throw ConfigError(
-          "--nproc starts processes, and WORLD_SIZE says that somebody has done so already: leave "
-          "one of them out");
+          "--nproc starts processes, but the environment has WORLD_SIZE: they were started "
+          "already; leave one of the two out");
     }
     RequireProcesses(config, options.processes);
     return LaunchProcesses(options.processes, OwnCommand());
@@ -123,7 +123,7 @@ Command AddTrainCommand(CLI::App& program) {
       "of --output, and goes on where it was stopped");
   sweep->excludes(config);
   app->add_option("--set", options->assignments,
-                  "KEY=VALUE over the recipe, e.g. run.samples=20000")
+                  "KEY=VALUE: replaces a value of the recipe, e.g. run.samples=20000")
       ->take_all();
   AddAssignment(app, "--threads", "run.threads", &options->assignments,
                 "threads; 0: one for each idle processor");
@@ -132,7 +132,7 @@ Command AddTrainCommand(CLI::App& program) {
                   "folder for config, metrics and checkpoints")
       ->required();
   app->add_option("--nproc", options->processes,
-                  "train in so many processes on this machine, each with its slice of the batch")
+                  "number of processes on this machine; each trains with its slice of the batch")
       ->check(CLI::Range(1, 1024))
       ->excludes(sweep);
   app->add_flag("--resume", options->resume, "continue the run in that folder")->excludes(sweep);

@@ -41,12 +41,13 @@ struct InfraredConfig {
   void Describe(Archive& ar) {
     ar("marker_m", marker_m, "edge of a marker's black square, m", Above(0));
     ar("quiet_zone_m", quiet_zone_m, "white paper around it, m", AtLeast(0));
-    ar("supersampling", supersampling, "rays of a pixel along each axis", Between(1, 8));
+    ar("supersampling", supersampling, "rays per pixel along each axis", Between(1, 8));
     ar("blur_px", blur_px, "standard deviation of the lens's point spread, px", AtLeast(0));
     ar("exposure", exposure,
-       "share of full scale that the brightest tenth of the picture is exposed to", Between(0, 1));
+       "share of full scale to which the brightest tenth of the picture is exposed", Between(0, 1));
     ar("full_well_electrons", full_well_electrons,
-       "electrons at full scale, whose shot noise the picture has; 0: no noise at all", AtLeast(0));
+       "electrons at full scale, which give the shot noise of the picture; 0: no noise at all",
+       AtLeast(0));
     ar("read_noise_electrons", read_noise_electrons,
        "standard deviation of the read-out, electrons", AtLeast(0));
     ar("black", black, "share of the infrared light that black print reflects", Between(0, 1));

@@ -67,10 +67,9 @@ struct NoiseConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("models", models,
-       "applied in this order, each to the depths that the one before it left: none, paper (zeroed "
-       "borders and holes), sensor (models of the drawn sensor), physics (a simulation of its "
-       "light, for tests, always the first), or ones that your program registers "
-       "(render/noise.h)",
+       "list of models, applied in this order: none, paper (zeroed borders and holes), sensor "
+       "(models of the drawn sensor), physics (a simulation of its light, for tests, always "
+       "first). Your program can register others (render/noise.h)",
        OneOf(NoiseModelNames()), FormerlyNamed("model"));
     ar("paper_border_px", paper_border_px, "largest width of the zeroed structure border, px",
        AtLeast(0),
@@ -97,12 +96,11 @@ struct SampleConfig {
     ar("structure", structure, "structure file, .yaml");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("sensors", sensors,
-       "sensors of the pool, one drawn for each sample among those whose aspect ratio the batch's "
-       "image size has; empty: all that fit a size");
+       "sensors of the pool. One is drawn for each sample among those with the aspect ratio of the "
+       "batch's images. Empty: all that fit a size");
     ar("image_sizes", image_sizes,
-       "WIDTHxHEIGHT, one drawn for each batch; intrinsics are scaled to it. Each size has to fit "
-       "a "
-       "sensor and each sensor that is named a size: aspect ratios within 2 %");
+       "WIDTHxHEIGHT; one is drawn for each batch, and intrinsics are scaled to it. Each size has "
+       "to fit a sensor, and each named sensor a size: aspect ratios within 2 %");
     ar("pose", pose, "sensor pose sampling");
     ar("scene", scene, "procedural room");
     ar("assembly", assembly,

@@ -37,7 +37,8 @@ struct ModelConfig {
     ar("base_channels", base_channels, "width c of the first convolution",
        Between(1, kMostBaseChannels));
     ar("attention", attention, "soft attention after the bottleneck and each decoder level");
-    ar("normalization", normalization, "after every convolution but the classifier");
+    ar("normalization", normalization,
+       "kind of normalisation after every convolution but the classifier");
     ar("input", input, "depth (metres, the paper) or depth_mask (centred and clamped depth, mask)");
     ar("residual_blocks", residual_blocks, "blocks in the bottleneck",
        Between(0, kMostResidualBlocks));
@@ -61,9 +62,9 @@ struct LossConfig {
     ar("procrustes", procrustes, "add the soft Procrustes term");
     ar("lambda", lambda, "weight of the soft Procrustes term", AtLeast(0));
     ar("lambda_warmup_samples", lambda_warmup_samples,
-       "lambda rises linearly from 0 over so many samples", AtLeast(0));
-    ar("min_side_pixels", min_side_pixels, "a side counts as visible from so many pixels on",
-       AtLeast(1));
+       "number of samples over which lambda rises linearly from 0", AtLeast(0));
+    ar("min_side_pixels", min_side_pixels,
+       "smallest number of pixels with which a side counts as visible", AtLeast(1));
     ar("keypoints", keypoints,
        "keypoint of a side: its centre (the paper), or exposed: the centre of the area that no "
        "other box covers");
@@ -110,11 +111,11 @@ struct OptimConfig {
     ar("beta1", beta1, "decay of the gradient's mean", Between(0, 0.9999));
     ar("beta2", beta2, "decay of the gradient's square", Between(0, 0.999999));
     ar("weight_decay", weight_decay,
-       "of convolution weights only: adamw shrinks them by it, adam adds it times the weights to "
-       "the gradient",
+       "weight decay of convolution weights: adamw shrinks them by it, adam adds it times the "
+       "weights to the gradient",
        AtLeast(0));
     ar("schedule", schedule,
-       "after the warm-up: constant, or one_cycle (cosine to 0 at run.samples)");
+       "learning rate after the warm-up: constant, or one_cycle (cosine to 0 at run.samples)");
     ar("warmup_samples", warmup_samples, "length of the linear warm-up", AtLeast(0));
     ar("clip_norm", clip_norm, "largest norm of the gradient; 0 leaves it as it is", AtLeast(0));
     ar("ema_decay", ema_decay,
@@ -162,8 +163,8 @@ struct RunConfig {
   void Describe(Archive& ar) {
     using Harmless = std::vector<std::string>;
     ar("samples", samples,
-       "length of the run; a resumed run may have another one unless the learning rate depends on "
-       "it (optim.schedule one_cycle)",
+       "length of the run. A resumed run may change it unless the learning rate depends on it "
+       "(optim.schedule one_cycle)",
        AtLeast(1));
     ar("batch_size", batch_size, "samples per step, of all processes together", AtLeast(1));
     ar("micro_batch", micro_batch,
@@ -172,12 +173,12 @@ struct RunConfig {
        AtLeast(0));
     ar("init", init,
        "checkpoint whose weights the run starts from (same network and labels); empty: Xavier");
-    ar("seed", seed, "of weights and training samples", AtLeast(0),
+    ar("seed", seed, "seed of weights and training samples", AtLeast(0),
        Removed("weight_seed", "run.seed is that of the weights, too", Harmless{"-1"}));
-    ar("validation_seed", validation_seed, "of validation samples; has to differ from run.seed",
-       AtLeast(0));
-    ar("validation_samples", validation_samples, "rounded up to whole batches; 0: no validation",
-       AtLeast(0));
+    ar("validation_seed", validation_seed,
+       "seed of validation samples; has to differ from run.seed", AtLeast(0));
+    ar("validation_samples", validation_samples,
+       "number of validation samples, rounded up to whole batches; 0: no validation", AtLeast(0));
     ar("validate_every", validate_every, "samples between validations", AtLeast(1));
     ar("checkpoint_every", checkpoint_every,
        "samples between saved states, of which the two newest are kept", AtLeast(1),
@@ -204,15 +205,16 @@ struct RunConfig {
     ar("loader_threads", loader_threads, "threads that render or read samples", AtLeast(1),
        Removed("prefetch", "four batches are rendered or read ahead", Harmless{"4"}));
     ar("device", device,
-       "cpu, cuda or cuda:N; of several processes on a machine each takes the CUDA device of its "
-       "LOCAL_RANK");
+       "cpu, cuda or cuda:N. If several processes run on a machine, each takes the CUDA device of "
+       "its LOCAL_RANK");
     ar("lost_after_s", lost_after_s,
        "seconds without a message after which another process of the run counts as lost", Above(0));
     ar("dataset", dataset,
        "folder of `volalign render --config` to train on, written from the same data section; "
        "empty: render");
     ar("validation_dataset", validation_dataset,
-       "such a folder to validate on, of any recipe for the same structure; empty: render");
+       "folder like run.dataset to validate on, of any recipe for the same structure; empty: "
+       "render");
   }
 };
 

@@ -114,19 +114,17 @@ void AddCalibrate(py::module_& module) {
       },
       py::arg("capture"), py::kw_only(), py::arg("structure") = py::none(),
       py::arg("model") = "auto", py::arg("options") = py::none(), py::arg("progress") = py::none(),
-      "Finds the poses of a capture's sensors.\n\n"
-      "capture: a Capture, the path of a capture.json, or a list of these, between which the stack "
-      "was moved; poses are in the frame of the stack in the first. structure: a Structure or the "
-      "path of one; None: the capture's, else the model's. model: path of an .onnx checkpoint; "
-      "None: geometry alone; \"auto\": models/m05-lite.onnx where it is installed and its stack "
-      "is this one, else geometry alone (Result.model says which). options: a dict, or the path of "
-      "a YAML, of docs/config.md's options; further "
-      "keywords stand over it: threads=4, "
-      "initial={\"method\": \"geometry\"}, **{\"refine.size_sigma_percent\": 0.7}. progress: "
-      "called "
-      "with a few words when a stage begins; what it raises ends the calibration. A sensor that "
-      "cannot be placed is \"failed\" in the Result; the others are placed without it. Raises "
-      "ConfigError, DataError, IoError.");
+      "Finds the poses of a capture's sensors.\n\ncapture: a Capture, the path of a capture.json, "
+      "or a list of these, between which the stack was moved. Poses are in the frame of the stack "
+      "in the first.\nstructure: a Structure or the path of one. None: the capture's, else the "
+      "model's.\nmodel: path of an .onnx checkpoint. None: geometry alone. \"auto\": "
+      "models/m05-lite.onnx if it is installed and knows this stack, else geometry alone "
+      "(Result.model says which).\noptions: a dict, or the path of a YAML, with options of "
+      "docs/config.md. Further keywords win: threads=4, initial={\"method\": \"geometry\"}, "
+      "**{\"refine.size_sigma_percent\": 0.7}.\nprogress: called with a few words when a stage "
+      "begins. An exception that it raises ends the calibration.\n\nA sensor that cannot be placed "
+      "is \"failed\" in the Result; the others are placed without it. Raises ConfigError, "
+      "DataError, IoError.");
 }
 
 }  // namespace volalign::python

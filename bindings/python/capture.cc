@@ -105,9 +105,8 @@ SensorFrame MakeFrame(const std::string& name, const py::object& depth, double f
   frame.intrinsics.Validate(name);
   if (LooksTransposed(frame.intrinsics)) {
     throw DataError(fmt::format(
-        "{}: depth is {} rows of {} pixels, and cx = {:g}, cy = {:g} are the middle of the image "
-        "with "
-        "rows and columns exchanged; transpose the array (depth.T), or correct cx and cy",
+        "{}: depth has {} rows of {} pixels, but cx = {:g}, cy = {:g} fit the image with rows and "
+        "columns exchanged. Transpose the array (depth.T), or correct cx and cy",
         name, frame.depth.height(), frame.depth.width(), cx, cy));
   }
   if (quarter_turns && (*quarter_turns < 0 || *quarter_turns > 3)) {
@@ -165,16 +164,16 @@ void AddFrame(py::module_& module) {
            py::arg("prior_world") = ToString(PriorWorld::kStructure),
            py::arg("prior_sigma") = std::make_pair(PosePrior().sigma_m, PosePrior().sigma_deg),
            "depth: (H, W), or (N, H, W) of one still scene, of which it is the mean; a last axis "
-           "of 1 is left out. What a masked array masks is no measurement. Floats are "
+           "of 1 is left out. Masked values of a masked array are no measurement. Floats are "
            "metres, uint16 millimetres; depth_scale gives other metres per unit. 0, NaN, infinity "
-           "and negative values are no measurement. fx, fy, cx, cy, distortion: see Intrinsics. "
-           "sensor: the kind of device, such as \"azure_kinect_nfov_binned\". quarter_turns: "
-           "clockwise turns, 0 to 3, that bring the image into the network's orientation; None: to "
-           "be found. ground_truth: (4, 4) structure_from_sensor, to have errors reported. "
-           "prior: (4, 4), the pose as it is known beforehand, with prior_sigma, its standard "
-           "deviations in m and deg. prior_world: \"structure\", it is structure_from_sensor; "
-           "\"metric\", it is in another world, in metres; \"free\", that world has any scale. The "
-           "array is copied. Raises DataError.")
+           "and negative values are no measurement. The array is copied. Raises DataError.\nfx, "
+           "fy, cx, cy, distortion: see Intrinsics.\nsensor: the kind of device, such as "
+           "\"azure_kinect_nfov_binned\".\nquarter_turns: clockwise turns, 0 to 3, that bring the "
+           "image into the network's orientation. None: they are found.\nground_truth: (4, 4) "
+           "structure_from_sensor. Errors against it are reported.\nprior: (4, 4), the pose as it "
+           "is known beforehand. prior_sigma: its standard deviations, m and deg.\nprior_world: "
+           "\"structure\": it is structure_from_sensor. \"metric\": it is in another world, in "
+           "metres. \"free\": that world has any scale.")
       .def_readonly("name", &SensorFrame::name)
       .def_property_readonly(
           "depth",
@@ -190,7 +189,7 @@ void AddFrame(py::module_& module) {
       .def_readonly("sensor", &SensorFrame::sensor)
       .def_readonly("serial", &SensorFrame::serial)
       .def_readonly("renderer", &SensorFrame::renderer,
-                    "What drew the frame; empty where a sensor measured it.")
+                    "The renderer that drew the frame; empty if a sensor measured it.")
       .def_property_readonly("quarter_turns",
                              [](const SensorFrame& frame) {
                                return frame.quarter_turns == kAutoTurns
@@ -228,7 +227,7 @@ std::vector<NamedCapture> CapturesOf(const py::handle& object) {
 void AddCapture(py::module_& module) {
   AddFrame(module);
   py::class_<NamedCapture>(module, "Capture",
-                           "What the sensors saw while the stack stood in one place.")
+                           "One frame of each sensor while the stack stood at one place.")
       .def(py::init(&MakeCapture), py::arg("frames"), py::arg("structure") = py::none(),
            py::arg("name") = "",
            "structure: a Structure, the path of one, or None. name: of several captures, for the "

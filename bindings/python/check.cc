@@ -68,7 +68,7 @@ void AddMovement(py::module_& module) {
       .def_property_readonly("rotation_deg", [](const MovementPart& m) { return m->rotation_deg; })
       .def_property_readonly(
           "probability", [](const MovementPart& m) { return m->probability; },
-          "Of being so far apart by the errors of both calibrations.")
+          "Probability of so large a difference without any movement.")
       .def_property_readonly(
           "found_from_m", [](const MovementPart& m) { return m->found_from_m; },
           "A movement is found with 95 % probability from this size on, m.")
@@ -104,7 +104,7 @@ std::vector<std::string> MovedOf(const Checked& checked) {
 void AddCheck(py::module_& module) {
   AddMovement(module);
   py::class_<Checked, std::shared_ptr<Checked>>(
-      module, "Check", "What has moved since a calibration; str() is the program's report.")
+      module, "Check", "The sensors that moved since a calibration; str() is the program's report.")
       .def_property_readonly("sensors", &MovementsOf, "Movement by name.")
       .def_property_readonly("moved", &MovedOf, "Names of the sensors that have moved.")
       .def_property_readonly(
@@ -146,7 +146,7 @@ void AddCheck(py::module_& module) {
       .def(
           "to_dict",
           [](const Checked& checked) { return FromJson(RigCheckText(checked.check, "to_dict")); },
-          "What check.json has.")
+          "The content of check.json.")
       .def(
           "save",
           [](const Checked& checked, const Path& path) {
@@ -160,23 +160,23 @@ void AddCheck(py::module_& module) {
                             UpdateExtrinsics(checked.last, checked.now, checked.check));
           },
           py::arg("path"),
-          "Writes an extrinsics.json with new poses of what moved, in the last structure frame; "
-          "what stayed keeps its poses. Raises DataError where it is undecided what moved.")
+          "Writes an extrinsics.json with new poses of the sensors that moved, in the last "
+          "structure frame. The others keep their poses. Raises DataError if it is undecided which "
+          "sensors moved.")
       .def("__str__", [](const Checked& checked) { return FormatRigCheck(checked.check); });
 
-  module.def(
-      "check", &Check, py::arg("last"), py::arg("capture"), py::kw_only(),
-      py::arg("false_alarm") = MovementOptions().false_alarm,
-      py::arg("moved") = std::vector<std::string>(), py::arg("one_may_stay") = false,
-      py::arg("structure") = py::none(), py::arg("model") = "auto", py::arg("options") = py::none(),
-      py::arg("progress") = py::none(),
-      "Which sensors of a calibrated rig were moved since?\n\n"
-      "last: the path of an extrinsics.json, or a Result. capture: of the rig as it is now, as in "
-      "`calibrate`, or the Result of one; the stack may stand elsewhere. false_alarm: probability "
-      "of taking a sensor that stayed for a moved one. moved: names of sensors that are known to "
-      "have moved or to be replaced. one_may_stay: trust a single other sensor, as `volalign add` "
-      "does before `update`. The rest as in `calibrate`. Raises "
-      "ConfigError, DataError, IoError.");
+  module.def("check", &Check, py::arg("last"), py::arg("capture"), py::kw_only(),
+             py::arg("false_alarm") = MovementOptions().false_alarm,
+             py::arg("moved") = std::vector<std::string>(), py::arg("one_may_stay") = false,
+             py::arg("structure") = py::none(), py::arg("model") = "auto",
+             py::arg("options") = py::none(), py::arg("progress") = py::none(),
+             "Which sensors of a calibrated rig were moved since?\n\n\nlast: the path of an "
+             "extrinsics.json, or a Result.\ncapture: a capture of the rig as it is now, as in "
+             "`calibrate`, or the Result of one. The stack may stand elsewhere.\nfalse_alarm: "
+             "probability that a sensor that stayed is reported as moved.\nmoved: names of sensors "
+             "that were moved or replaced.\none_may_stay: trusts a single other sensor, as "
+             "`volalign add` does. The rest as in `calibrate`. Raises ConfigError, DataError, "
+             "IoError.");
 }
 
 }  // namespace volalign::python

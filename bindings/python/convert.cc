@@ -168,15 +168,13 @@ void AddConvert(py::module_& module) {
        "but volalign. output: a file; a folder for colmap, depth_correction, volumetric_capture "
        "and livescan3d_... " +
        colour +
-       "origin: of the written poses: structure, floor (the point of the floor below the "
-       "structure's origin), world (that of calibrate) or a sensor's name; None: world if there is "
-       "one, else structure. up: y or z, the axis that is up; None: what "
-       "the format has, or, with a sensor as the origin, that sensor's own axes. camera: "
-       "depth or colour, whose poses and intrinsics are written. poses_for: corrected or raw, "
-       "the depths that the poses fit. frame: name of the world in ros, ros_launch and "
-       "urdf. "
-       "Returns what the format has no place for, a sentence each. Raises ConfigError, "
-       "DataError, IoError.")
+       "\norigin: origin of the written poses: structure, floor (the point of the floor below the "
+       "structure's origin), world (that of calibrate) or a sensor's name. None: world if there is "
+       "one, else structure.\nup: y or z, the axis that is up. None: that of "
+       "the format, or that sensor's own axes if a sensor is the origin.\ncamera: depth or colour, "
+       "whose poses and intrinsics are written.\nposes_for: corrected or raw, the depths that the "
+       "poses fit.\nframe: name of the world in ros, ros_launch and urdf. Returns what the format "
+       "has no place for, a sentence each. Raises ConfigError, DataError, IoError.")
           .c_str());
   module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
              py::arg("colour_cameras") = ColourFiles(),

@@ -11,8 +11,8 @@ namespace volalign::python {
 
 namespace py = pybind11;
 
-/// `options`: None, the path of a YAML, or a dict, nested or with dotted keys; `keywords`, another
-/// such dict, over it. Throws as ConfigSource.
+/// `options`: None, the path of a YAML, or a dict, nested or with dotted keys; The keys of
+/// `keywords`, another such dict, win. Throws like ConfigSource.
 ConfigSource SourceOf(const py::object& options, const py::dict& keywords);
 
 /// Sets the keys of such a dict.
@@ -21,13 +21,13 @@ void SetOptions(const py::dict& options, ConfigSource* source);
 /// A path as text: str or os.PathLike. Throws DataError where it is not UTF-8.
 std::string PathOf(const py::handle& path);
 
-/// Whether this is a path.
+/// Is this a path?
 bool IsPath(const py::handle& object);
 
-/// What Python's json makes of a text.
+/// Parses a text with Python's module json.
 py::object FromJson(const std::string& text);
 
-/// How Python was called, as a shell reads it.
+/// The call of Python, as a shell reads it.
 std::string PythonCommand();
 
 }  // namespace volalign::python

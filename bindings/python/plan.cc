@@ -28,7 +28,8 @@ std::shared_ptr<RigPlan> Plan(const py::object& rig, int trials, int threads,
 }
 
 void AddPlannedSensor(py::module_& module) {
-  py::class_<PlannedSensor>(module, "PlannedSensor", "What a planned sensor will be worth.")
+  py::class_<PlannedSensor>(module, "PlannedSensor",
+                            "The view and the expected accuracy of a planned sensor.")
       .def_readonly("name", &PlannedSensor::name)
       .def_readonly("sensor", &PlannedSensor::sensor)
       .def_readonly("intrinsics", &PlannedSensor::intrinsics)
@@ -40,7 +41,7 @@ void AddPlannedSensor(py::module_& module) {
                     "(side, pixels) of the sides in view, the largest first.")
       .def_readonly("sides_fix_pose", &PlannedSensor::sides_fix_pose)
       .def_readonly("in_view", &PlannedSensor::in_view,
-                    "Of the structure's surface that it sees, the share within its picture.")
+                    "Share of the visible surface of the structure that its picture shows.")
       .def_readonly("placed", &PlannedSensor::placed, "In how many of the trials.")
       .def_readonly("expected_m", &PlannedSensor::expected_m,
                     "Root of the mean square of the position's expected error, m.")
@@ -55,7 +56,7 @@ void AddPlannedSensor(py::module_& module) {
       .def_readonly("weakest_m", &PlannedSensor::weakest_m, "Standard deviation along it, m.")
       .def_property_readonly(
           "status", [](const PlannedSensor& s) { return ToString(s.status); },
-          "Of the worst trial.")
+          "The errors of the worst trial.")
       .def_property_readonly("code",
                              [](const PlannedSensor& s) { return ToString(s.finding.code); })
       .def_property_readonly("reason", [](const PlannedSensor& s) { return s.finding.reason; })
@@ -67,7 +68,7 @@ void AddPlannedSensor(py::module_& module) {
 void AddPlan(py::module_& module) {
   AddPlannedSensor(module);
   py::class_<RigPlan, std::shared_ptr<RigPlan>>(
-      module, "Plan", "What a planned rig will be worth; str() is the program's report.")
+      module, "Plan", "The expected accuracy of a planned rig; str() is the program's report.")
       .def_readonly("structure", &RigPlan::structure)
       .def_readonly("trials", &RigPlan::trials)
       .def_property_readonly(
@@ -90,10 +91,11 @@ void AddPlan(py::module_& module) {
 
   module.def("plan", &Plan, py::arg("rig"), py::kw_only(), py::arg("trials") = 3,
              py::arg("threads") = CalibrateOptions().threads,
-             "Predicts what the sensors of a planned rig see and how well they will be placed.\n\n"
-             "rig: the path of a rig.yaml, or a dict of its keys; further keywords stand over it. "
-             "trials: measurements to calibrate, each with other errors of the sensors. Of several "
-             "turns of the structure, the first. Raises ConfigError, DataError, IoError.");
+             "Predicts what the sensors of a planned rig see and how well they will be "
+             "placed.\n\nrig: the path of a rig.yaml, or a dict of its keys; further keywords "
+             "stand over it. trials: number of simulated calibrations, each with other errors of "
+             "the sensors. If the rig has several turns of the structure, the first one counts. "
+             "Raises ConfigError, DataError, IoError.");
 }
 
 }  // namespace volalign::python

@@ -77,7 +77,7 @@ void AddSensor(py::module_& module) {
           "code", [](const SensorPart& s) { return ToString(s->code); },
           "Why it is not ok, such as \"no_structure\"; \"\" of one that is.");
   AddMember(&sensor, "reason", &FrameResult::reason, "The same as a sentence.");
-  AddMember(&sensor, "hint", &FrameResult::hint, "What to do about it.");
+  AddMember(&sensor, "hint", &FrameResult::hint, "Advice on what to do.");
   sensor
       .def_property_readonly(
           "structure_from_sensor",
@@ -130,7 +130,8 @@ void AddSensor(py::module_& module) {
   AddMember(&sensor, "depth_offset_m", &FrameResult::depth_offset_m);
   AddMember(&sensor, "quarter_turns", &FrameResult::quarter_turns);
   AddMember(&sensor, "intrinsics", &FrameResult::intrinsics, "That the pose belongs to.");
-  AddMember(&sensor, "intrinsics_given", &FrameResult::intrinsics_given, "Of the capture.");
+  AddMember(&sensor, "intrinsics_given", &FrameResult::intrinsics_given,
+            "The intrinsics of the capture.");
   sensor
       .def_property_readonly(
           "lens_source", [](const SensorPart& s) { return ToString(s->lens.source); },
@@ -143,7 +144,7 @@ void AddSensor(py::module_& module) {
           "The same of `initial`.")
       .def_property_readonly(
           "labels", [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.labels); },
-          "(H, W) uint8, read-only: found labels, 0 is background. None of a result of several "
+          "(H, W) uint8, read-only: found labels, 0 is background. None for a result of several "
           "captures, whose images are in `stills`.")
       .def_property_readonly(
           "confidence",
@@ -177,14 +178,14 @@ void AddStack(py::module_& module) {
                     "Standard deviation, m, of where b is as a has it, where that is known least.")
       .def_readonly("sigma_deg", &PairResult::sigma_deg, "The same of how it is turned, deg.");
 
-  py::class_<RigFinding>(module, "Finding", "What makes a whole calibration doubtful.")
+  py::class_<RigFinding>(module, "Finding", "A reason to doubt a whole calibration.")
       .def_property_readonly(
           "code", [](const RigFinding& finding) { return ToString(finding.code); },
           "Such as \"size_off\"; docs/calibration.md lists them.")
       .def_readonly("about", &RigFinding::about,
                     "Names of the sensors or of the box; empty: of all.")
-      .def_readonly("reason", &RigFinding::reason, "What was found, in sentences.")
-      .def_readonly("hint", &RigFinding::hint, "What to do about it.")
+      .def_readonly("reason", &RigFinding::reason, "The observation, in sentences.")
+      .def_readonly("hint", &RigFinding::hint, "Advice on what to do.")
       .def("__repr__", [](const RigFinding& finding) {
         return fmt::format("<Finding {}: {}>", ToString(finding.code), finding.reason);
       });
@@ -321,7 +322,7 @@ void AddResult(py::module_& module) {
             return timings;
           },
           "Seconds by stage.")
-      .def("to_dict", &ToDict, "What extrinsics.json has.")
+      .def("to_dict", &ToDict, "The content of extrinsics.json.")
       .def("save", &Save, py::arg("folder"), py::arg("report") = true,
            "Writes the folder that `volalign calibrate -o` writes: extrinsics.json, options.yaml, "
            "labels, confidence, pictures, clouds and, with `report`, report.html and rig.glb. "

@@ -145,21 +145,22 @@ void AddSamples(py::module_& module) {
       .def_property_readonly(
           "batch_size", [](const Samples& samples) { return samples.context().batch_size; },
           "As many consecutive samples, from multiples of it on, have images of one size.")
-      .def_property_readonly("renderer", &Samples::renderer, "What draws, in words.")
-      .def_property_readonly("recipe", &Samples::Recipe,
-                             "What the samples depend on as it was used, YAML.");
+      .def_property_readonly("renderer", &Samples::renderer, "The renderer, in words.")
+      .def_property_readonly(
+          "recipe", &Samples::Recipe,
+          "The configuration on which the samples depend, as it was used, YAML.");
 
-  module.def("samples", &MakeSamples, py::arg("recipe") = "configs/m05-lite.yaml", py::kw_only(),
-             py::arg("seed") = py::none(), py::arg("start") = 0, py::arg("threads") = 0,
-             py::arg("renderer") = py::none(),
-             "Draws the samples that training with this recipe sees.\n\n"
-             "recipe: the path of a YAML (docs/training.md), or a dict of its keys; of a recipe "
-             "data, run.seed and run.batch_size count. Further keywords stand over it: "
-             "**{\"data.image_sizes\": [\"160x144\"]}. seed: instead of run.seed. start: first "
-             "index, a multiple of the batch size. A sample depends on recipe, seed and index "
-             "alone. threads: that draw, ahead of the reader; 0: one per core. renderer: \"egl\", "
-             "\"cpu\" or \"auto\" instead of data.renderer; cpu needs no OpenGL. Raises "
-             "ConfigError, DataError, IoError.");
+  module.def(
+      "samples", &MakeSamples, py::arg("recipe") = "configs/m05-lite.yaml", py::kw_only(),
+      py::arg("seed") = py::none(), py::arg("start") = 0, py::arg("threads") = 0,
+      py::arg("renderer") = py::none(),
+      "Draws the samples that training with this recipe sees.\n\nrecipe: the path of a YAML "
+      "(docs/training.md), or a dict of its keys; of a recipe data, run.seed and run.batch_size "
+      "count. Further keywords stand over it: **{\"data.image_sizes\": [\"160x144\"]}. seed: "
+      "instead of run.seed. start: first index, a multiple of the batch size. A sample depends on "
+      "recipe, seed and index alone.\nthreads: number of threads that draw ahead of the reader; 0: "
+      "one per core.\nrenderer: \"egl\", \"cpu\" or \"auto\" instead of data.renderer; cpu needs "
+      "no OpenGL. Raises ConfigError, DataError, IoError.");
 }
 
 }  // namespace volalign::python

@@ -45,8 +45,8 @@ py::tuple CastViewOf(const Structure& structure, const Intrinsics& intrinsics,
 void AddIntrinsics(py::module_& module) {
   py::class_<Intrinsics>(module, "Intrinsics",
                          "A camera, in pixels: u = fx x/z + cx, v = fy y/z + cy, pixel centres at "
-                         "integer coordinates. distortion: none, or 4, 5 or 8 coefficients of "
-                         "OpenCV (k1 k2 p1 p2 k3 k4 k5 k6).")
+                         "integer coordinates. Distortion is empty or has 4, 5 or 8 coefficients "
+                         "of OpenCV (k1 k2 p1 p2 k3 k4 k5 k6).")
       .def(py::init([](int width, int height, double fx, double fy, double cx, double cy,
                        std::vector<double> distortion) {
              Intrinsics intrinsics{width, height, fx, fy, cx, cy, std::move(distortion)};
@@ -71,7 +71,7 @@ void AddIntrinsics(py::module_& module) {
           },
           "(3, 3) float64: OpenCV's camera matrix.")
       .def("resized", &Intrinsics::Resized, py::arg("width"), py::arg("height"),
-           "Of the image resized to this size.")
+           "The intrinsics of the image resized to this size.")
       .def("__eq__", [](const Intrinsics& a, const Intrinsics& b) { return a == b; })
       .def("__repr__", [](const Intrinsics& k) {
         return fmt::format("Intrinsics({}, {}, fx={}, fy={}, cx={}, cy={}, {} coefficients)",
@@ -132,7 +132,7 @@ void AddBoxes(py::module_& module) {
       .def_property_readonly("num_classes", &Structure::num_classes, "Labels, background included.")
       .def_property_readonly("floor_height", &Structure::FloorHeight, "Lowest y, m.")
       .def_property_readonly("height", &Structure::Height, "m")
-      .def_property_readonly("sha256", &Structure::Hash, "Of sizes, poses and labels.")
+      .def_property_readonly("sha256", &Structure::Hash, "SHA-256 of sizes, poses and labels.")
       .def_property_readonly(
           "side_centres",
           [](const Structure& structure) {
@@ -143,8 +143,8 @@ void AddBoxes(py::module_& module) {
           },
           "(K-1, 3) float64: of the labels 1, 2, ..., m.")
       .def("cast_view", &CastViewOf, py::arg("intrinsics"), py::arg("structure_from_sensor"),
-           "What the structure alone shows to a sensor at this (4, 4) pose: depth (H, W) float32, "
-           "m, 0 where there is no box, and labels (H, W) uint8.")
+           "Renders the structure alone for a sensor at this (4, 4) pose: depth (H, W) float32, m, "
+           "0 where there is no box, and labels (H, W) uint8.")
       .def(
           "check",
           [](const Structure& structure, double distance_m, std::vector<double> heights_m) {
@@ -171,7 +171,7 @@ void AddTarget(py::module_& module) {
       .def_readonly("boxes", &TargetAlias::boxes)
       .def_readonly("all", &TargetAlias::all)
       .def_readonly("floor_tells", &TargetAlias::floor_tells);
-  py::class_<TargetView>(module, "TargetView", "What a sensor would see of a structure.")
+  py::class_<TargetView>(module, "TargetView", "The view of a structure that a sensor would have.")
       .def_readonly("phi_deg", &TargetView::phi_deg)
       .def_readonly("height_m", &TargetView::height_m)
       .def_readonly("sides", &TargetView::sides)

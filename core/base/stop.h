@@ -26,7 +26,7 @@ class StopScope {
 
 bool IsStopAsked();
 
-/// For work that takes long; to be called several times a second.
+/// Throws Stopped if the innermost scope asks for it. Long work calls it several times per second.
 void ThrowIfStopped();
 
 }  // namespace volalign

@@ -15,7 +15,7 @@ struct TemporaryFile {
   pid_t writer = 0;
 };
 
-/// Nothing for another name.
+/// Parses such a name. Nothing for any other name.
 std::optional<TemporaryFile> ReadTemporary(const std::string& name);
 
 /// Removes the temporary files of `file` that killed processes left. Their writer is gone, and none

@@ -427,9 +427,9 @@ int ConfigReader::CountItems(const std::string& key) const {
   std::uint64_t count = 0;
   for (const auto& [index, leaf] : items) {
     if (index != count) {
-      throw ConfigError(fmt::format(
-          "{} violates that items have indices from 0 on without a gap: {}[{}] is missing ({})",
-          leaf->first, key, count, leaf->second.where));
+      throw ConfigError(
+          fmt::format("indices of {} have to be 0, 1, 2, ... without gaps: {}[{}] is missing ({})",
+                      leaf->first, key, count, leaf->second.where));
     }
     ++count;
   }

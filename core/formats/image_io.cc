@@ -61,7 +61,8 @@ bool DecodeRows(png_structp png, png_infop info, std::size_t file_size, Pixels* 
   pixels->channels = png_get_channels(png, info);
   if (png_get_color_type(png, info) == PNG_COLOR_TYPE_PALETTE)
     png_error(png, "a palette image is not expected");
-  if (pixels->bit_depth < 8) png_error(png, "less than 8 bits a sample are not expected");
+  if (pixels->bit_depth < 8)
+    png_error(png, "images with fewer than 8 bits per sample are not supported");
   if (pixels->bit_depth == 16) png_set_swap(png);
   if (pixels->width > kMaxSide || pixels->height > kMaxSide)
     png_error(png, "the image is too large");

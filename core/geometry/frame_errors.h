@@ -18,7 +18,7 @@ inline constexpr double kGrazing = 0.1;
 enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kBounced, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
-/// Their root mean squares. Multipath is distributed evenly from 0 to twice its mean.
+/// Root mean squares of these errors. Multipath is distributed evenly from 0 to twice its mean.
 inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
   FrameErrorVector sigmas;
   sigmas << errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m,

@@ -25,10 +25,10 @@ struct RigMount {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("sensor", sensor, "of the intrinsics pool; also chooses the noise model");
+    ar("sensor", sensor, "name in the intrinsics pool; it also chooses the noise model");
     ar("rho_cm", rho_cm, "horizontal distance from the rig's centre, cm", Above(0));
     ar("roll_deg", roll_deg, "mounting roll, deg; 90 turns image +x to the floor");
-    ar("look_at_cm", look_at_cm, "point looked at, rig frame, cm");
+    ar("look_at_cm", look_at_cm, "point at which the sensor looks, rig frame, cm");
     ar("look_at_radius_cm", look_at_radius_cm,
        "radius of the ball around look_at_cm in which each turn draws the point that is looked at, "
        "cm",
@@ -65,8 +65,9 @@ struct RigMovement {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("sensor", sensor, "name of the sensor");
-    ar("translation_mm", translation_mm, "by which it is moved, along its own axes, mm");
-    ar("rotation_deg", rotation_deg, "by which it is turned, a rotation vector of them, deg");
+    ar("translation_mm", translation_mm, "movement of the sensor along its own axes, mm");
+    ar("rotation_deg", rotation_deg,
+       "rotation of the sensor, a rotation vector in its own axes, deg");
   }
 };
 
@@ -78,7 +79,8 @@ struct RigGroup : RigMount {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("name", name, "the sensors are called by it and their numbers from 1 on: S1, S2, ...");
+    ar("name", name,
+       "first part of the sensors' names, followed by numbers from 1 on: S1, S2, ...");
     ar("phi_deg", phi_deg,
        "angles of the sensors, deg. There are as many sensors as the longer list of phi_deg and "
        "height_cm has elements; the shorter list is repeated");
@@ -97,7 +99,7 @@ struct RigPlacement {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
-    ar("z_cm", z_cm, "as x_cm");
+    ar("z_cm", z_cm, "like x_cm, along z");
     ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
     ar("moved", moved, "sensors that somebody moved before this still, from their first poses");
   }
@@ -156,21 +158,20 @@ struct Rig {
     ar("noise", noise, "none, paper, sensor or physics (docs/sensor-models.md)",
        OneOf({"none", "paper", "sensor", "physics"}));
     ar("state_lens", state_lens,
-       "the capture states the lens of the intrinsics pool; false: frames are drawn through it, "
-       "but their intrinsics are given without");
+       "true: the capture states the lens of the intrinsics pool. false: frames are drawn through "
+       "it, but the capture leaves it out");
     ar("lens_spread_percent", lens_spread_percent,
-       "standard deviation of a sensor's true lens from the stated one, %: of its focal length, "
-       "and of its radial factor at r = 0.6 on the plane z = 1",
+       "standard deviation of a sensor's true lens from the stated one, %. It holds for the focal "
+       "length, and for the radial factor at r = 0.6 on the plane z = 1",
        Between(0, 5));
     ar("hidden_share", hidden_share,
-       "share of each sensor's view of the structure that a board hides, 0.7 m before it, from the "
-       "left, the right or below as the seed draws it",
+       "share of each sensor's view of the structure that a board 0.7 m before it hides. The seed "
+       "draws whether it comes from the left, the right or below",
        Between(0, 1));
     ar("missing_share", missing_share,
-       "share of all pixels that lose their depth besides those that noise takes, each "
-       "independently",
+       "share of all pixels that lose their depth independently, besides those that noise removes",
        Between(0, 1));
-    ar("seed", seed, "of room, clutter, assembly, intrinsics and noise", AtLeast(0));
+    ar("seed", seed, "seed of room, clutter, assembly, intrinsics and noise", AtLeast(0));
     ar("sensors", sensors, "the sensors");
     ar("groups", groups,
        "further sensors, alike but for angle and height: a ring, an arc, a column");

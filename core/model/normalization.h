@@ -9,9 +9,9 @@ namespace volalign {
 /// each sample.
 enum class Normalization { kNone, kBatch, kGroup };
 
-/// For both normalisations.
+/// Added to the variance in both normalisations.
 inline constexpr double kNormEpsilon = 1e-5;
-/// Share of the batch in the running statistics.
+/// Share of a batch in the running statistics.
 inline constexpr double kNormMomentum = 0.1;
 
 /// Number of groups over `channels`.

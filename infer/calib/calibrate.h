@@ -34,7 +34,7 @@ struct CalibrateOptions {
     ar("verdict", verdict, "what a sensor has to show to be placed, and to be ok");
     ar("assembly", assembly, "recognition of a stack that is built otherwise");
     ar("threads", threads, "threads over sensors", AtLeast(1));
-    ar("device", device, "what the network runs on: cpu, cuda or cuda:N");
+    ar("device", device, "device that runs the network: cpu, cuda or cuda:N");
   }
 };
 
@@ -56,7 +56,7 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
 CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 
-/// The same of a single capture.
+/// The same for a single capture.
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 

@@ -32,15 +32,15 @@ bool AreSame(const DepthImage& a, const DepthImage& b) {
 void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_still,
                      const SensorFrame& frame, const std::string& still) {
   if (!(frame.intrinsics == earlier.intrinsics) || frame.sensor != earlier.sensor) {
-    throw DataError(fmt::format(
-        "sensor \"{}\" has other intrinsics or is of another kind in {} than in {}; captures of "
-        "one calibration have the same sensors in the same modes",
-        frame.name, still, earlier_still));
+    throw DataError(
+        fmt::format("sensor \"{}\" has other intrinsics or is of another kind in {} than in {}; "
+                    "give captures of the same sensors in the same modes",
+                    frame.name, still, earlier_still));
   }
   if (AreSame(frame.depth, earlier.depth)) {
     throw DataError(
-        fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs the "
-                    "stack in another place, and frames of its own",
+        fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs "
+                    "frames of its own, with the stack at another place",
                     frame.name, still, earlier_still));
   }
 }

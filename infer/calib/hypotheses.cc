@@ -270,8 +270,8 @@ void SuspectIntrinsics(const std::vector<Still>& stills, FrameResult* sensor) {
         SensorCode::kIntrinsicsSuspect,
         fmt::format("its intrinsics are those of {} at about {}x{}, and its frames are {}x{}",
                     frame->sensor, other->width, other->height, given.width, given.height),
-        "where frames were cropped, take what was cut off at the left and at the top from cx and "
-        "cy; where they were resized, scale fx, fy, cx and cy"};
+        "if frames were cropped, subtract from cx and cy what was cut off at the left and at the "
+        "top. If they were resized, scale fx, fy, cx and cy"};
     return;
   }
   const std::optional<Intrinsics> typical =
@@ -283,8 +283,8 @@ void SuspectIntrinsics(const std::vector<Still>& stills, FrameResult* sensor) {
       SensorCode::kIntrinsicsSuspect,
       fmt::format("its fx is {:.0f} px, and a {} has about {:.0f} at {}x{}", given.fx,
                   frame->sensor, typical->fx, given.width, given.height),
-      "give the intrinsics of this resolution; those of another one have to be scaled by the ratio "
-      "of the widths"};
+      "give the intrinsics of this resolution. Scale those of another resolution by the ratio of "
+      "the widths"};
 }
 
 // Frames that were spoilt before they came here.
@@ -330,13 +330,12 @@ void SuspectSpoilt(FrameResult* sensor) {
   const double share = LonelyShare(sensor->view);
   if (share < kNotable && IsFilled(sensor->view.depth))
     sensor->hint =
-        "record frames without filters that fill holes: next to its edges no depth is "
-        "missing; then: " +
+        "record frames without filters that fill holes: no depth is missing next to edges. Then " +
         sensor->hint;
   if (share < kNotable) return;
   sensor->hint = fmt::format(
-      "{:.0f} % of its pixels are far from what their neighbours measure; give frames as the "
-      "sensor has them, not means over missing depths, and check their byte order",
+      "give frames as the sensor has them, not means over missing depths, and check their byte "
+      "order: {:.0f} % of its pixels are far from what their neighbours measure",
       100 * share);
 }
 

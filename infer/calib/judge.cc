@@ -61,9 +61,10 @@ Finding TypicalIntrinsics(const std::string& kind) {
 std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
   if (frame.settled) return "";
   return fmt::format(
-      "round {} moved the sensor by {:.1f} mm, the last lens a picture by {:.1f} px{}",
+      "round {} still moved the sensor by {:.1f} mm, and the last change of a lens moved a picture "
+      "by {:.1f} px{}",
       report.rounds, 1000 * frame.moved_m, report.moved_px,
-      report.converged ? "" : ", and it ended by the number of its steps");
+      report.converged ? "" : ". It ended because all its steps were used");
 }
 
 /// Residuals, errors and status of a located frame at its reported pose.
@@ -260,8 +261,8 @@ void DoubtThoseAlone(std::vector<FrameResult>* sensors) {
     if (!IsBelieved(sensor)) continue;
     SetFinding(SensorStatus::kWeak,
                {SensorCode::kAmbiguous,
-                fmt::format("{} of {} other sensors did not find the stack; what this one sees may "
-                            "be something else, or the boxes stand otherwise than described",
+                fmt::format("{} of {} other sensors did not find the stack. This sensor may see "
+                            "something else, or the boxes do not stand as described",
                             lost, others),
                 "compare the boxes with the structure file first: their order, their directions "
                 "and their sizes"},

@@ -59,9 +59,10 @@ void RequireChoice(const Seen& seen, const SensorNumber& asked) {
       numbers.insert(alternative.number);
   }
   if (numbers.count(asked.number) > 0)
-    throw ConfigError(fmt::format(
-        "orientation.choose (--choose): what {} sees refutes its pose {}; leave the choice out",
-        asked.sensor, asked.number));
+    throw ConfigError(
+        fmt::format("orientation.choose (--choose): pose {1} of {0} contradicts what it sees; "
+                    "leave the choice out",
+                    asked.sensor, asked.number));
   throw ConfigError(fmt::format(
       "orientation.choose (--choose): {} has no pose {}; {}", asked.sensor, asked.number,
       numbers.empty() ? "no other pose fits its view"

@@ -50,7 +50,7 @@ void DemoteIfNotFinite(SensorOutcome* sensor) {
     sensor->structure_from_sensor.reset();
     sensor->status = SensorStatus::kFailed;
     sensor->code = SensorCode::kNotFinite;
-    sensor->reason = "its pose came out as no finite numbers";
+    sensor->reason = "its pose has numbers that are not finite";
     sensor->hint = "let it see more sides, or leave it out of the capture";
     return;
   }
@@ -63,7 +63,8 @@ void DemoteIfNotFinite(SensorOutcome* sensor) {
   if (sensor->code == SensorCode::kNone || sensor->code == SensorCode::kUncertain) {
     sensor->code = SensorCode::kNotFinite;
     sensor->reason = problem;
-    sensor->hint = "its pose stands, but let it see more sides, or more of what its neighbours see";
+    sensor->hint =
+        "let it see more sides, or more of what its neighbours see. The pose itself can be used";
   } else if (sensor->code != SensorCode::kNotFinite) {
     sensor->reason += "; " + problem;
   }

@@ -103,10 +103,10 @@ class Drafter {
     if (!given || use.others.empty()) return;
     const std::string others = Shortened(fmt::format("{}", fmt::join(use.others, "; ")));
     if (use.sensors == 0) {
-      throw ConfigError(fmt::format(
-          "{}: no sensor needs it: {}; leave the option out, and change the file that is written "
-          "where it should say something else",
-          option, others));
+      throw ConfigError(
+          fmt::format("{}: no sensor needs it: {}; leave the option out. If other values are "
+                      "right, change them in the file that is written",
+                      option, others));
     }
     draft_.found.push_back(fmt::format("{} is not used for all: {}", option, others));
   }
@@ -227,7 +227,7 @@ class Drafter {
     sensor.name = UniqueName(name);
     draft_.found.push_back(
         fmt::format("{}: {} depth frame{} of {}x{}: {}", sensor.name, sensor.files.size(),
-                    sensor.files.size() == 1 ? "" : "s, one still,", sensor.width, sensor.height,
+                    sensor.files.size() == 1 ? "" : "s, one capture,", sensor.width, sensor.height,
                     fs::relative(sensor.files.front(), folder_).string()));
     sensors_.push_back(std::move(sensor));
   }
@@ -454,12 +454,13 @@ class Drafter {
       return known->lens->rectified()
                  ? fmt::format("taken as rectified, since {}, and {} delivers rectified frames",
                                why, kind)
-                 : fmt::format("the lens is taken as the typical one of {}, and measured, since {}",
-                               kind, why);
+                 : fmt::format(
+                       "the lens is taken as the typical one of {} and will be estimated, since {}",
+                       kind, why);
     }
     return fmt::format(
-        "the lens is taken as unknown, and looked for, since {}, and {}; \"sensor\" with a known "
-        "kind or \"distortion\" (zeros: rectified) would say it",
+        "the lens is unknown and will be estimated, since {}, and {}. To state it, give \"sensor\" "
+        "with a known kind, or \"distortion\" (zeros: rectified)",
         why, kind.empty() ? "no kind of sensor is named" : "that of " + kind + " is not known");
   }
 

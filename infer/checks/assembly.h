@@ -21,7 +21,7 @@ struct AssemblyOptions {
     const char* const instead = "stacks are compared by odds; leave the key out";
     ar("enabled", enabled,
        "if sensors fail or contradict each other, look for mirrored frames and for a stack that is "
-       "built otherwise than the structure says",
+       "not built as the structure says",
        Removed("suspicious_shape_iou", instead, Harmless{"0.92"}),
        Removed("min_shape_iou", instead, Harmless{"0.7"}),
        Removed("margin", instead, Harmless{"0.08"}),

@@ -52,7 +52,7 @@ std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double
       text + fmt::format(", where no structure can be; its depth_scale is {} to {} times too {}",
                          Times(least), Times(most), beyond ? "large" : "small"),
       fmt::format("set depth_scale to what its software states, between {:.2g} and {:.2g}; it is "
-                  "{:g}; usual are 0.001 (millimetres), 0.0002 (TUM data sets), 0.00025 and 0.0001 "
+                  "{:g}. Usual are 0.001 (millimetres), 0.0002 (TUM data sets), 0.00025 and 0.0001 "
                   "(RealSense L515 and D405)",
                   depth_scale * (beyond ? 1 / most : least),
                   depth_scale * (beyond ? 1 / least : most), depth_scale)};
@@ -84,10 +84,10 @@ std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
       if (findings[j].failure || !(views[j].depth == depth)) continue;
       findings[i].same_depth_as = frames[j].name;
       findings[j].same_depth_as = frames[i].name;
-      findings[i].failure =
-          Finding{SensorCode::kDuplicateDepth,
-                  fmt::format("its depth map is that of {}, pixel for pixel", frames[j].name),
-                  "check the sensors' depth files: one of them is given twice"};
+      findings[i].failure = Finding{
+          SensorCode::kDuplicateDepth,
+          fmt::format("its depth map is the same as that of {}, pixel for pixel", frames[j].name),
+          "check the sensors' depth files: one of them is given twice"};
       break;
     }
   }

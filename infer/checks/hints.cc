@@ -51,16 +51,16 @@ std::string MoveHint(const LabelImage& labels, std::optional<int> upright_turns)
   const std::vector<int> cut = CuttingBorders(labels);
   if (cut.empty()) {
     return "move the sensor round the structure to the left or right, or up, until it sees sides "
-           "of more than one orientation";
+           "of two orientations or more";
   }
   if (cut.size() > 1 || !upright_turns) {
-    return "the image border cuts the structure off: move the sensor further away, or turn it so "
-           "that it sees most of the structure";
+    return "move the sensor further away, or turn it so that it sees most of the structure: the "
+           "image border cuts the structure off";
   }
   // Turning the picture clockwise sends its left border to the top.
   static constexpr const char* kNames[] = {"to the left", "up", "to the right", "down"};
   return fmt::format(
-      "the image border cuts the structure off: turn the sensor {}, or move it further away",
+      "turn the sensor {}, or move it further away: the image border cuts the structure off",
       kNames[(cut.front() + *upright_turns) % 4]);
 }
 

@@ -109,30 +109,29 @@ Finding Contradiction(const Estimate& odd, const Estimate& agreed,
                       const std::vector<Still>& stills) {
   const PoseError apart = ComparePoses(odd.first_from_sensor, agreed.first_from_sensor);
   return {SensorCode::kDisagrees,
-          fmt::format("in {} it stands {:.2f} m and {:.0f} deg from where it stands in {}, by the "
-                      "sensors that both have in common",
+          fmt::format("the sensors that {0} and {3} have in common show that it moved between the "
+                      "two, by {1:.2f} m and {2:.0f} deg",
                       stills[odd.by->frame.still].name, apart.translation_m, apart.rotation_deg,
                       stills[agreed.by->frame.still].name),
-          "move nothing but the boxes between captures, and stack them alike; or leave this sensor "
-          "out of one of the captures"};
+          "between captures, move only the boxes, and stack them in the same way. Or leave this "
+          "sensor out of one capture"};
 }
 
 Finding Unconnected(const Still& still, const Still& first, bool first_has_poses) {
   if (!first_has_poses) {
-    return {SensorCode::kUnconnected,
-            fmt::format("no sensor is placed in {}, and all poses are in the frame of the stack "
-                        "there",
-                        first.name),
-            fmt::format("give another capture first, for example {}, or see why {} fails by "
-                        "itself",
-                        still.name, first.name)};
+    return {
+        SensorCode::kUnconnected,
+        fmt::format("no sensor was placed in {}, the capture in whose frame all poses are given",
+                    first.name),
+        fmt::format(
+            "name another capture first, for example {}. Or calibrate {} alone to see why it fails",
+            still.name, first.name)};
   }
-  return {
-      SensorCode::kUnconnected,
-      fmt::format("it sees the stack in {}, but no chain of sensors that see it in two captures "
-                  "leads from there to {}",
-                  still.name, first.name),
-      "add a capture with the stack where this sensor and one of the others both see it"};
+  return {SensorCode::kUnconnected,
+          fmt::format("it sees the stack in {}, but nothing connects this capture with {}: no "
+                      "sensor sees the stack in both, not even through other captures",
+                      still.name, first.name),
+          "add a capture with the stack at a place where this sensor and one of the others see it"};
 }
 
 }  // namespace

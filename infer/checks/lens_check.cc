@@ -51,8 +51,8 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                       "the intrinsics describe",
                       1000 * bend),
           estimated ? "check that depth is measured along the optical axis and not along each ray, "
-                      "and the intrinsics with their distortion; or leave the distortion out and "
-                      "name the sensor's kind (capture.json, sensor), so that it is estimated"
+                      "then the intrinsics with their distortion. Or leave the distortion out and "
+                      "name the sensor's kind (capture.json, sensor): it is then estimated"
                     : "give the lens's distortion in the capture, or have it estimated "
                       "(--estimate auto)"};
     }
@@ -65,14 +65,13 @@ PerFrame<std::optional<Finding>> CheckLenses(const PerFrame<SensorPlanes>& plane
                                : std::hypot(lens.prior_sigmas[0], lens.own_focal_sigma);
     if (std::abs(focal) > kMostFocalSigmas * usual) {
       const Intrinsics found = lenses.Effective(id);
-      return Finding{
-          SensorCode::kIntrinsicsSuspect,
-          fmt::format("its focal length comes out {:+.1f} % from {}, where {:.1f} % are usual: "
-                      "fx = {:.1f}, fy = {:.1f}",
-                      100 * std::expm1(focal),
-                      alone ? "those of others of its kind" : "the one given", 100 * usual,
-                      found.fx, found.fy),
-          "give the intrinsics of this sensor, at this resolution"};
+      return Finding{SensorCode::kIntrinsicsSuspect,
+                     fmt::format("its focal length differs by {0:+.1f} % from {1} (fx = {3:.1f}, "
+                                 "fy = {4:.1f}); differences of {2:.1f} % are usual",
+                                 100 * std::expm1(focal),
+                                 alone ? "those of others of its kind" : "the one given",
+                                 100 * usual, found.fx, found.fy),
+                     "give the intrinsics of this sensor, at this resolution"};
     }
     return std::nullopt;
   });

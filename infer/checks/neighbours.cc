@@ -253,8 +253,9 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
     frame.points = PointsAt(seen, id, seen.capture->structure, found->pose, options);
     frame.by_neighbours = Finding{
         SensorCode::kByNeighbours,
-        fmt::format("{}; what it shares with {} fixes its pose to {:.0f} mm", failure->reason,
-                    fmt::join(names, ", "), 1000 * found->sigma_position_m),
+        fmt::format(
+            "{}. So its pose, known to {:.0f} mm, comes from what it sees in common with {}",
+            failure->reason, 1000 * found->sigma_position_m, fmt::join(names, ", ")),
         failure->hint};
     frame.rests_on = search.RestsOn(found->pose);
     for (const FrameId other : frame.rests_on) {
@@ -263,7 +264,7 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
     if (!in_doubt.empty()) {
       frame.by_neighbours->code = SensorCode::kAmbiguous;
       frame.by_neighbours->reason +=
-          fmt::format("; it would follow {} to another pose", fmt::join(in_doubt, ", "));
+          fmt::format(". If {} has another pose, so has this sensor", fmt::join(in_doubt, ", "));
     }
     results[id] = std::move(frame);
   }

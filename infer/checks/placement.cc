@@ -60,23 +60,23 @@ Finding ExplainAlteredStack(const AssemblyReport& report) {
   std::string hint =
       "stack the boxes as the structure file says, or describe them as they stand (--structure)";
   if (report.arrangement.code == SensorCode::kAssemblyMirrored) {
-    hint = "if it is the stack, " + hint +
-           "; if it is the frames, which then show everything as a mirror does, switch that off in "
-           "the capture program or flip the stored pictures";
+    hint = "if only the stack is mirrored, " + hint +
+           ". If everything in the pictures is mirrored, switch that off in the capture program, "
+           "or flip the stored pictures";
   }
   if (report.arrangement.code == SensorCode::kAssemblyHeight)
-    hint += "; a box may be missing in that file, or have another height there";
+    hint += ". A box may be missing in that file, or have another height there";
   return {
       report.arrangement.code,
-      fmt::format("{}: that explains {:.0f} % of what the sensors see, the stack as described "
-                  "{:.0f} %",
-                  report.arrangement.sentence, 100 * report.share, 100 * report.described_share),
+      fmt::format(
+          "{}: this explains {:.0f} % of what the sensors see, and the stack as described {:.0f} %",
+          report.arrangement.sentence, 100 * report.share, 100 * report.described_share),
       std::move(hint)};
 }
 
 Finding MirroredFrame() {
   return {SensorCode::kFrameMirrored,
-          "the frame is mirrored: it shows the structure as a mirror does, while other sensors see "
+          "the frame is mirrored: it shows the structure as in a mirror, and the other sensors see "
           "it as described",
           "switch the mirroring of this sensor's pictures off in the capture program, or flip the "
           "stored picture"};
@@ -89,10 +89,10 @@ bool Contains(const std::vector<std::size_t>& frames, std::size_t frame) {
 Finding UpUnknown(const Labelled& labelled) {
   return {
       SensorCode::kAmbiguous,
-      fmt::format("its view fits the structure about as well {}, and nothing tells which of the "
-                  "two agrees with the other sensors: no floor, nothing else that they share, "
-                  "and none that is mounted like it",
-                  labelled.other_pose),
+      fmt::format(
+          "its view fits the structure about as well {}. Nothing shows which is right: it sees no "
+          "floor and nothing that another sensor sees, and no other sensor is mounted like it",
+          labelled.other_pose),
       "let it see the floor under the structure, mount it as the others are mounted, or give "
       "its quarter_turns"};
 }

@@ -133,12 +133,11 @@ std::vector<RigFinding> ExplainPriors(const Seen& seen, const PerFrame<LocateRes
     findings.push_back(
         {RigCode::kPriorOff,
          {name},
-         fmt::format("the prior of {} has it {} from where the frames show it; these refuse that "
-                     "by {}",
+         fmt::format("the prior of {} is {} from the pose that the frames show, with odds of {} "
+                     "against the prior. The pose does not use it",
                      name, DescribeDifference(placed.prior.world_from_sensor, placed.difference),
                      FormatOdds(placed.misfit)),
-         "the pose does not use this prior; measure again where the sensor stands, or leave the "
-         "prior out"});
+         "measure again where the sensor stands, or leave the prior out"});
   }
   const bool in_structure =
       !priors.empty() && priors.begin()->second.prior.world == PriorWorld::kStructure;
@@ -154,11 +153,11 @@ std::vector<RigFinding> ExplainPriors(const Seen& seen, const PerFrame<LocateRes
   return {{RigCode::kPriorOff,
            {},
            fmt::format("{} of {} priors agree with each other, but the structure stands {} from "
-                       "where they have it",
+                       "its place in their frame. The poses do not use them",
                        agree, moved.size(),
                        DescribeDifference(motion, LeftDifference(motion, Pose::Identity()))),
-           "put the structure where they have it, or give them as world_from_sensor, which leaves "
-           "its place open"}};
+           "put the structure at that place. Or give the priors as world_from_sensor: the place of "
+           "the structure is then estimated"}};
 }
 
 }  // namespace volalign

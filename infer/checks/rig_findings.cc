@@ -43,8 +43,8 @@ struct Meaning {
 };
 
 constexpr char kCheckDepth[] =
-    "check the depth_scale of this sensor, its intrinsics, and whether its depth file is that of "
-    "another sensor; let it warm up";
+    "let this sensor warm up. Check its depth_scale, its intrinsics, and whether its depth file is "
+    "that of another sensor";
 
 Meaning MeaningOf(Kind kind) {
   static constexpr char kMeasureBox[] =
@@ -90,19 +90,19 @@ bool IsLikely(const RefinedEdge& edge) {
 RigFinding ExplainByBox(const RefinedEdge& edge, const Structure& structure) {
   const Box& box = structure.boxes()[static_cast<std::size_t>(edge.box)];
   std::string hint =
-      "measure this box first, and correct the structure file; then measure the others";
+      "measure this box first, and correct the structure file. Then measure the others";
   for (int other = 0; other < 3; ++other) {
     const double exchanged = box.size[other] - box.size[edge.axis];
     if (other == edge.axis ||
         std::abs(exchanged - edge.change) > std::max(kSamePlace / 2, kClearly * edge.sigma))
       continue;
     hint +=
-        fmt::format("; its {} has that length, so it may {}", NameOfEdge(other),
+        fmt::format(". Its {} has that length, so it may {}", NameOfEdge(other),
                     other == 1 || edge.axis == 1 ? "lie on another edge" : "be turned by 90 deg");
   }
   return {RigCode::kBoxOff,
           {box.name},
-          fmt::format("{}; that explains the frames better than an error of size that all boxes "
+          fmt::format("{}. This explains the frames better than one error of size that all boxes "
                       "share (odds {})",
                       DescribeEdge(edge, structure), FormatOdds(edge.log_odds)),
           std::move(hint)};
@@ -113,9 +113,10 @@ RigFinding Explain(const RefinedQuantity& quantity, const std::string& name) {
   RigFinding finding{
       meaning.code,
       {},
-      fmt::format("{} comes out {:+.1f} {} from what is described, where {:.1f} {} are usual",
-                  fmt::format(fmt::runtime(meaning.name), name), meaning.scale * quantity.value,
-                  meaning.unit, meaning.scale * quantity.prior_sigma, meaning.unit),
+      fmt::format(
+          "{} differs by {:+.1f} {} from its description; differences of {:.1f} {} are usual",
+          fmt::format(fmt::runtime(meaning.name), name), meaning.scale * quantity.value,
+          meaning.unit, meaning.scale * quantity.prior_sigma, meaning.unit),
       meaning.hint};
   if (!name.empty()) finding.about = {name};
   if (quantity.kind == Kind::kSize)
@@ -212,8 +213,7 @@ std::vector<RigFinding> FindCoveredSides(
     findings.push_back(
         {RigCode::kBoxOff,
          {structure.boxes()[static_cast<std::size_t>(side.box)].name},
-         hidden ? fmt::format("{} should be seen by {} sensors, and something nearer lies before "
-                              "most of it",
+         hidden ? fmt::format("{1} sensors should see {0}, but something nearer hides most of it",
                               side.name, shown.frames)
                 : fmt::format("something stands on {}, as {} sensors show", side.name, on_it),
          "look for a box that the structure file does not have, or take away what stands there"});
@@ -240,9 +240,10 @@ std::optional<RigFinding> FindApart(const RefineResult& refined, int sensor,
   return RigFinding{
       RigCode::kPairApart,
       {name},
-      fmt::format("where {} and others see the same surface, their points are {:.1f} to {:.1f} "
-                  "times as far apart as predicted, and those of others {:.1f} times in the mean",
-                  name, *least, *most, rest.mean()),
+      fmt::format(
+          "where {} and others see the same surface, their points are {:.1f} to {:.1f} times as "
+          "far apart as predicted. Points of other pairs are {:.1f} times as far apart on average",
+          name, *least, *most, rest.mean()),
       kCheckDepth};
 }
 
@@ -255,14 +256,13 @@ std::vector<RigFinding> FindPairsApart(const RefineResult& refined,
     if (!(pair.rms > kClearly * pair.predicted_rms)) continue;
     const std::string &a = sensors[static_cast<std::size_t>(pair.a)],
                       &b = sensors[static_cast<std::size_t>(pair.b)];
-    findings.push_back(
-        {RigCode::kPairApart,
-         {a, b},
-         fmt::format("where {} and {} see the same surface, their points are {:.1f} mm RMS apart, "
-                     "and {:.1f} mm are predicted",
-                     a, b, 1000 * pair.rms, 1000 * pair.predicted_rms),
-         "check that the depth file of each is its own, then the intrinsics of both, then what "
-         "moved between their frames"});
+    findings.push_back({RigCode::kPairApart,
+                        {a, b},
+                        fmt::format("where {} and {} see the same surface, their points are {:.1f} "
+                                    "mm RMS apart; {:.1f} mm are predicted",
+                                    a, b, 1000 * pair.rms, 1000 * pair.predicted_rms),
+                        "check that the depth file of each is its own, then the intrinsics of "
+                        "both, then whether anything moved between their frames"});
   }
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     if (std::optional<RigFinding> apart = FindApart(refined, static_cast<int>(i), sensors[i]))

@@ -74,7 +74,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
     const std::string fits = fmt::format("its view fits the structure about as well {} (odds {})",
                                          facts.other_pose, FormatOdds(facts.log_odds));
     const std::string choose =
-        "; or compare both in report.html, and choose the other pose with --choose SENSOR=2";
+        ". Or compare both poses in report.html, and choose the other one with --choose SENSOR=2";
     if (!facts.floor_would_tell) {
       return Finding{
           SensorCode::kAmbiguous, fits,
@@ -82,7 +82,7 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
           "every side" +
               choose};
     }
-    return Finding{SensorCode::kAmbiguous, fits + ", and shows no floor that would tell",
+    return Finding{SensorCode::kAmbiguous, fits + ". It shows no floor, which would decide",
                    (facts.known_turns
                         ? "let it see the floor under the structure"
                         : "let it see the floor under the structure, or give its quarter_turns") +
@@ -91,25 +91,24 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   if (facts.seen_through) {
     return Finding{
         SensorCode::kAmbiguous,
-        fmt::format("it and {} cannot both stand where they do: {:.0f} % of what one of the two "
-                    "measured beside the structure is seen through by the other (odds {})",
+        fmt::format("it and {} cannot both be right: one of the two looks through {:.0f} % of the "
+                    "points that the other measured beside the structure (odds {})",
                     facts.seen_through->name, 100 * facts.seen_through->share,
                     FormatOdds(facts.seen_through->log_odds)),
         "compare the pictures in report.html with where the sensors stand, and choose another pose "
-        "with --choose SENSOR=2; let both see more of the stack and the floor under it"};
+        "with --choose SENSOR=2. Or let both see more of the stack and the floor under it"};
   }
   if (facts.contradiction) {
     return Finding{
         SensorCode::kDisagrees,
-        fmt::format(
-            "what it saw contradicts the other sensors, as its pairs with {} show: they would move "
-            "it by {:.1f} mm and {:.2f} deg; the pose given is from its own picture, and the other "
-            "sensors' poses do not use it",
-            fmt::join(facts.contradiction->names, ", "),
-            1000 * facts.contradiction->apart.translation_m,
-            facts.contradiction->apart.rotation_deg),
+        fmt::format("it contradicts the other sensors, as its pairs with {} show: they would move "
+                    "it by {:.1f} mm and {:.2f} deg. The pose given is from its own picture only. "
+                    "The other sensors' poses do not use this sensor",
+                    fmt::join(facts.contradiction->names, ", "),
+                    1000 * facts.contradiction->apart.translation_m,
+                    facts.contradiction->apart.rotation_deg),
         "check that its frame is not mirrored or turned by 180 deg, and that its depth file is not "
-        "another sensor's; then its intrinsics, and that no box moved in between"};
+        "another sensor's. Then check its intrinsics, and that no box moved between the frames"};
   }
   if (!facts.unsettled.empty()) {
     return Finding{SensorCode::kUnsettled,
@@ -119,9 +118,11 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   const PoseQuality& quality = facts.quality;
   if (quality.inlier_share < options.weak_inlier_share) {
     return Finding{SensorCode::kFewInliers,
-                   fmt::format("{:.0f} % of the labelled pixels lie on the structure",
+                   fmt::format("only {:.0f} % of the labelled pixels lie on the structure. Either "
+                               "something else stands there, or a box is not as described",
                                100 * quality.inlier_share),
-                   "look at pictures/ for what else was labelled, and clear it away"};
+                   "look at pictures/ for what else was labelled. Clear it away, or correct the "
+                   "structure file"};
   }
   if (quality.rms_to_structure_m > options.weak_rms_m) {
     return Finding{SensorCode::kLargeResidual,
@@ -132,26 +133,28 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
   if (quality.label_iou < options.weak_label_iou) {
     return Finding{
         SensorCode::kLabelsDisagree,
-        fmt::format("labels as predicted and as seen from the pose overlap by {:.0f} %",
-                    100 * quality.label_iou),
-        "look at pictures/: something may hide the structure, or the sensor be too near or far"};
+        fmt::format(
+            "the labels that were found and those that the pose predicts overlap by only {:.0f} %",
+            100 * quality.label_iou),
+        "look at pictures/: something may hide the structure, or the sensor may be too near or too "
+        "far"};
   }
   const double sigma_m = LargestSigmaPosition(facts.structure_from_sensor, facts.covariance);
   const double sigma_deg = LargestSigmaRotationDeg(facts.covariance);
   if (!(sigma_m <= options.weak_sigma_position_m) ||
       !(sigma_deg <= options.weak_sigma_rotation_deg)) {
-    return Finding{SensorCode::kUncertain,
-                   fmt::format("the pose is known to {:.1f} mm and {:.2f} deg only", 1000 * sigma_m,
-                               sigma_deg),
-                   "let it see more sides, or more of what its neighbours see"};
+    return Finding{
+        SensorCode::kUncertain,
+        fmt::format("the pose is uncertain: {:.1f} mm and {:.2f} deg (one standard deviation)",
+                    1000 * sigma_m, sigma_deg),
+        "let it see more sides, or more of what its neighbours see"};
   }
   if (facts.shape_log_odds && *facts.shape_log_odds < std::log(kDecisiveOdds)) {
-    return Finding{
-        SensorCode::kAmbiguous,
-        fmt::format("by what it sees of their shape, the odds are only {} that these are "
-                    "the structure's boxes and no others",
-                    FormatOdds(*facts.shape_log_odds)),
-        "look at pictures/, clear its view, or calibrate with a model"};
+    return Finding{SensorCode::kAmbiguous,
+                   fmt::format("by their shape, the odds are only {} that it sees the structure "
+                               "and not something else. Do not rely on this pose",
+                               FormatOdds(*facts.shape_log_odds)),
+                   "look at pictures/ for what it sees. Clear its view, or calibrate with a model"};
   }
   return std::nullopt;
 }
@@ -165,10 +168,11 @@ std::vector<std::optional<Finding>> FindDuplicates(const std::vector<std::string
       if (i == j || !poses[i] || !poses[j]) continue;
       const PoseError gap = ComparePoses(*poses[i], *poses[j]);
       if (gap.translation_m > kSamePlace || gap.rotation_deg > kSameDirectionDeg) continue;
-      duplicates[i] = Finding{SensorCode::kSamePose,
-                              fmt::format("it stands where {} stands, to {:.1f} mm and {:.2f} deg",
-                                          names[j], 1000 * gap.translation_m, gap.rotation_deg),
-                              "check the sensors' depth files: one sensor seems to be given twice"};
+      duplicates[i] =
+          Finding{SensorCode::kSamePose,
+                  fmt::format("it stands where {} stands, within {:.1f} mm and {:.2f} deg",
+                              names[j], 1000 * gap.translation_m, gap.rotation_deg),
+                  "check the sensors' depth files: one sensor seems to be given twice"};
     }
   }
   return duplicates;

@@ -30,20 +30,18 @@ struct VerdictOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("max_sigma_position_m", max_sigma_position_m,
-       "standard deviation of the position in the least known direction, m, above which a sensor's "
-       "own view fixes no pose",
+       "standard deviation of the position in the worst direction, m, above which a sensor's own "
+       "view does not determine a pose",
        Above(0), FormerlyNamed("max_sigma_translation_m"));
     ar("weak_inlier_share", weak_inlier_share, "inlier share below which a placed sensor is weak",
        Between(0, 1));
     ar("weak_rms_m", weak_rms_m, "RMS to the structure, m, above which a placed sensor is weak",
        Above(0));
     ar("weak_sigma_position_m", weak_sigma_position_m,
-       "standard deviation of the position in the least known direction, m, above which a sensor "
-       "is weak",
+       "standard deviation of the position in the worst direction, m, above which a sensor is weak",
        Above(0), FormerlyNamed("weak_sigma_translation_m"));
     ar("weak_sigma_rotation_deg", weak_sigma_rotation_deg,
-       "standard deviation of the rotation about the least known axis, deg, above which a sensor "
-       "is weak",
+       "standard deviation of the rotation about the worst axis, deg, above which a sensor is weak",
        Above(0), Fixed("min_valid_share", 0.01), Fixed("max_median_depth_m", 10),
        Fixed("min_far_depth_m", 0.9), Fixed("sure_confidence", 0.8),
        Fixed("min_sure_area_m2", 0.05), Fixed("many_sides", 4), Fixed("many_sides_area_m2", 0.5),

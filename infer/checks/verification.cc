@@ -33,22 +33,21 @@ bool Refutes(double log_odds) { return -log_odds >= std::log(kDecisiveOdds); }
 Finding ExplainMisfit(const LocateFacts& facts) {
   if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
   const ViewExplanation& view = facts.explanation;
-  std::string shares =
-      fmt::format("at the best pose {:.0f} % of the structure's view is seen through",
-                  100 * view.behind_share());
+  std::string shares = fmt::format(
+      "at the best pose the sensor looks through {:.0f} % of the places where boxes should be",
+      100 * view.behind_share());
   if (view.has_labels()) {
-    shares += fmt::format(" and {:.0f} % of the labelled pixels lie on the side that they name",
+    shares += fmt::format(", and {:.0f} % of the labelled pixels lie on their side",
                           100 * view.named_so_share());
   }
   const bool nothing_fits = Refutes(view.LogOddsByDepth()) && Refutes(view.LogOddsByLabels());
   if (SeesManySides(facts.initial->patches) && !nothing_fits) {
     return {SensorCode::kInconsistent,
-            "the sides that were found do not fit the structure together: " + shares,
-            "check that the boxes are stacked as the structure file says, and the intrinsics and "
+            "the sides that were found do not fit the structure: " + shares,
+            "check that the boxes are stacked as the structure file says, then the intrinsics and "
             "depth_scale"};
   }
-  return {SensorCode::kNoStructure, "what looks like sides is not the structure: " + shares,
-          kLookHint};
+  return {SensorCode::kNoStructure, "the structure was not found: " + shares, kLookHint};
 }
 
 }  // namespace
@@ -71,16 +70,18 @@ bool SeesManySides(const std::vector<SidePatch>& patches) {
 Finding ExplainMissingPose(const InitialPose& initial) {
   if (CountSureSides(initial.patches).area < kLeastSureArea)
     return {SensorCode::kNoStructure, "no side of the structure was found", kLookHint};
-  return {SensorCode::kDegenerateSides,
-          fmt::format("{} found; that fixes no pose", CountSides(initial.patches.size())),
-          kLookHint};
+  return {
+      SensorCode::kDegenerateSides,
+      fmt::format("{} found; that does not determine a pose", CountSides(initial.patches.size())),
+      kLookHint};
 }
 
 Finding ExplainMissingShape() {
-  return {SensorCode::kNoStructure, "nothing that it saw has the structure's shape",
-          "let it see two boxes or more and the floor round them, and check that the boxes are "
-          "stacked as the structure file says, that the frame is not mirrored, and its intrinsics "
-          "and depth_scale"};
+  return {SensorCode::kNoStructure,
+          "the structure was not found: nothing in the view has its shape",
+          "let it see two boxes or more and the floor round them. Check that the boxes are stacked "
+          "as the structure file says and that the frame is not mirrored. Then check its "
+          "intrinsics and depth_scale"};
 }
 
 Finding SuspectIntrinsics(const BetterIntrinsics& better) {
@@ -102,16 +103,14 @@ std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& 
                                      const VerdictOptions& options) {
   if (IsRefuted(facts.explanation)) return ExplainMisfit(facts);
   if (!SidesFixPose(structure, facts.confirmed)) {
-    return Finding{
-        SensorCode::kDegenerateSides,
-        fmt::format(
-            "{} found; their keypoints lie on a line and their planes leave a direction free",
-            CountSides(facts.confirmed.size())),
-        kLookHint};
+    return Finding{SensorCode::kDegenerateSides,
+                   fmt::format("{} found. They leave the pose free in one direction",
+                               CountSides(facts.confirmed.size())),
+                   kLookHint};
   }
   if (!(facts.sigma_position_m <= options.max_sigma_position_m)) {
     return Finding{SensorCode::kDegenerateSides,
-                   fmt::format("{} found, which leave the sensor's position open to {:.2f} m",
+                   fmt::format("{} found. They determine the sensor's position only to {:.2f} m",
                                CountSides(facts.confirmed.size()), facts.sigma_position_m),
                    kLookHint};
   }

@@ -17,8 +17,8 @@ namespace volalign {
 /// of one are surfaces that the other expects along its rays.
 class MeasuredView {
  public:
-  /// Points near the structure at one of `poses` (structure from sensor) are left out: the rest
-  /// that a wrong pose leaves of the structure is no evidence. The view is not kept.
+  /// Points near the structure at one of `poses` (structure from sensor) are left out: the part
+  /// of the structure beside a wrong pose is no evidence. The view is not kept.
   MeasuredView(const SensorView& view, const Structure& structure, const std::vector<Pose>& poses);
 
   /// The causes along this sensor's rays through the points of another one, at this pose, in

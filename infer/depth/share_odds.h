@@ -6,8 +6,8 @@ namespace volalign {
 struct ShareModel {
   double for_it, against;  ///< its parameters, > 0; their proportion is the mean share's
 
-  /// Natural logarithm of the probability of so many independent cells for it and against it, one
-  /// after the other (a beta-binomial distribution). Counts are >= 0 and need not be whole.
+  /// Natural logarithm of the probability of these numbers of independent cells for and against
+  /// it, one after the other (a beta-binomial distribution). Counts are >= 0 and need not be whole.
   double LogProbability(double cells_for, double cells_against) const;
 };
 

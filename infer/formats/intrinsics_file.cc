@@ -66,10 +66,9 @@ YAML::Node Required(const YAML::Node& map, std::initializer_list<const char*> ke
                     const std::string& name) {
   YAML::Node node = FirstOf(map, keys);
   if (!node) {
-    throw DataError(
-        fmt::format("{}: {} is missing: the intrinsics hold for one image size and lens, which "
-                    "have to be stated",
-                    name, *keys.begin()));
+    throw DataError(fmt::format(
+        "{}: {} is missing; state the image size and the lens for which the intrinsics hold", name,
+        *keys.begin()));
   }
   return node;
 }

@@ -25,8 +25,8 @@ Pose CameraFromDevice(const YAML::Node& camera, const std::string& name) {
   const YAML::Node rt = camera["Rt"];
   if (!rt || !rt["Rotation"] || !rt["Translation"]) {
     throw DataError(name +
-                    ": a camera has no Rt, which says where it is in the device; give the whole "
-                    "raw calibration, as the device or a recording's calibration.json has it");
+                    ": a camera has no Rt, its place in the device; give the whole raw "
+                    "calibration, as the device or a recording's calibration.json has it");
   }
   const auto r = rt["Rotation"].as<std::vector<double>>();
   const auto t = rt["Translation"].as<std::vector<double>>();

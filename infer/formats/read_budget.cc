@@ -30,17 +30,17 @@ bool ReadBudget::Spend(std::uint64_t bytes) {
 
 void ReadBudget::Unpack(std::uint64_t bytes, const std::string& name) {
   if (Spend(bytes)) return;
-  throw DataError(fmt::format(
-      "{}: more than {} MiB would have to be unpacked, which files of this size do not hold; it is "
-      "damaged, or made to use up time",
-      name, allowed_ >> kMebibyteBits));
+  throw DataError(
+      fmt::format("{}: unpacked, it has more than {} MiB, and no file of this size holds so much. "
+                  "It is damaged, or made to use up time",
+                  name, allowed_ >> kMebibyteBits));
 }
 
 void ReadBudget::Keep(std::uint64_t bytes, const std::string& name) {
   if (bytes > allowed_ - kept_) {
     throw DataError(
-        fmt::format("{}: more than {} MiB would have to be kept in memory; read fewer frames or "
-                    "fewer sensors at once",
+        fmt::format("{}: its depth needs more than {} MiB of memory; read fewer frames or fewer "
+                    "sensors at once",
                     name, allowed_ >> kMebibyteBits));
   }
   kept_ += bytes;

@@ -246,8 +246,8 @@ void Restrain(sqlite3* database, ReadBudget* budget, const std::string& name) {
              });
   for (const char* table : {"topics", "messages"}) {
     if (tables.count(table) == 0) {
-      throw DataError(
-          fmt::format("{}: not a bag of ROS 2: it has no table {} (a view is none)", name, table));
+      throw DataError(fmt::format(
+          "{}: not a bag of ROS 2: it has no table {} (a view does not count)", name, table));
     }
     // A computed column: each row may ask for 256 MiB of which the file has nothing.
     constexpr int kHidden = 6;  // index of "hidden" in a row of PRAGMA table_xinfo

@@ -207,8 +207,7 @@ void DescribeOrbbec(const RosContent& content, const std::string& name, Recorded
   if (properties.frames_are_disparity) {
     stream->frames.clear();
     stream->problem =
-        "the images are disparities, of which the device was not to make depth itself; record with "
-        "the device's disparity to depth on";
+        "the images are disparities, not depths; record with the device's disparity to depth on";
   }
   const auto device = content.devices.find(kOrbbecDevice);
   if (device != content.devices.end()) stream->device = device->second.at("name");

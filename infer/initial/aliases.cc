@@ -184,7 +184,7 @@ std::string DescribeMotion(const Pose& from, const Pose& to) {
   if (std::abs(rise) < kSamePlace) {
     const double aside = std::hypot(motion.translation().x(), motion.translation().z());
     return std::abs(turn) > kTurned ? fmt::format("turned by {:.0f} deg", std::abs(turn))
-                                    : fmt::format("{:.2f} m beside", aside);
+                                    : fmt::format("shifted by {:.2f} m", aside);
   }
   return fmt::format("turned by {:.0f} deg and {:.2f} m {}", std::abs(turn), std::abs(rise),
                      rise > 0 ? "higher" : "lower");

@@ -36,7 +36,7 @@ bool TurnsOver(const Pose& from, const Pose& to);
 bool LeavesFloor(const Pose& from, const Pose& to);
 
 /// Describes how the structure stands at `to` as compared with `from`, as in "upside down", "turned
-/// by 90 deg and 0.41 m higher" or "0.30 m beside".
+/// by 90 deg and 0.41 m higher" or "shifted by 0.30 m".
 std::string DescribeMotion(const Pose& from, const Pose& to);
 
 }  // namespace volalign

@@ -20,8 +20,8 @@ struct OrientationOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("choose", choose,
-       "alternative poses to take, SENSOR=NUMBER each: 1 is the pose that would be chosen, higher "
-       "numbers are those of twins in extrinsics.json",
+       "poses to take, SENSOR=NUMBER each. 1 is the pose that would be chosen; higher numbers are "
+       "the alternatives (`twins` in extrinsics.json)",
        FormerlyNamed("twins"));
   }
 };

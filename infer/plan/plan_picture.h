@@ -6,7 +6,7 @@
 
 namespace volalign {
 
-/// RigFromAbove of the plan as SVG: the sensors with their expected errors.
+/// The plan seen from above (RigFromAbove), SVG: the sensors with their expected errors.
 std::string PlanPicture(const RigPlan& plan);
 
 }  // namespace volalign

@@ -35,7 +35,7 @@ std::string Warnings(const PlannedSensor& sensor) {
     return text;
   }
   if (!sensor.sides_fix_pose) {
-    add("the sides that it sees do not fix its pose; it needs sides of three orientations");
+    add("the sides that it sees do not determine its pose; let it see sides of three orientations");
   } else if (sensor.sides.size() < kFewSides) {
     add(fmt::format("it sees {} sides only; turn the stack, or raise the sensor above its top",
                     sensor.sides.size()));
@@ -67,12 +67,12 @@ std::string PairsLine(const RigPlan& plan) {
       "of {} pair{} of sensors {} overlap{}", plan.pairs.size(), plan.pairs.size() == 1 ? "" : "s",
       overlapping,
       overlapping > 0
-          ? fmt::format(": expect their points at most {:.1f} mm RMS apart", 1000 * apart)
+          ? fmt::format(": expect their points to be at most {:.1f} mm RMS apart", 1000 * apart)
           : "");
-  return text +
-         fmt::format(
-             "; relative to each other their places will be known to {:.1f} mm (sigma) or better\n",
-             1000 * sigma);
+  return text + fmt::format(
+                    ". The uncertainty of their places relative to each other will be {:.1f} mm "
+                    "(one standard deviation) or less\n",
+                    1000 * sigma);
 }
 
 }  // namespace
@@ -123,9 +123,10 @@ std::string FormatPlan(const RigPlan& plan) {
   for (const PlannedSensor& sensor : plan.sensors) width = std::max(width, sensor.name.size());
   std::string text = FormatTable(PlanTable(plan), TableFormat::kText);
   text +=
-      "dist: to the stack's origin. sides: with enough pixels. px: on them. in view: share of the "
-      "visible surface that the picture shows. placed: share of the trials. mm, deg: root mean "
-      "square error to be expected. known least: direction of its largest part.\n";
+      "dist: distance from the stack's origin\nsides: number of sides with enough pixels\npx: "
+      "pixels on them\nin view: share of the visible surface that the picture shows\nplaced: share "
+      "of the trials that found a pose\nmm, deg: expected root mean square error\nknown least: "
+      "direction of its largest part\n";
   for (const PlannedSensor& sensor : plan.sensors) {
     std::string sides;
     for (const auto& [side, pixels] : sensor.sides)

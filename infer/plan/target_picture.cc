@@ -113,7 +113,7 @@ std::string TargetPicture(const Structure& structure, const TargetQuality& quali
   DrawPlan(structure, kLeft, below + 8, &svg);
   const double x = kLeft + kPlanSize + 40;
   DrawScale(x, below + 36, &svg);
-  svg.Text({x, below + 100}, "× the sides in view fix no pose");
+  svg.Text({x, below + 100}, "× the sides in view do not determine a pose");
   svg.Text({x, below + 124}, "? another pose of the stack looks the same, floor and all");
   svg.Text({x, below + 148}, "left: the stack from above");
   return svg.Finished();

@@ -56,15 +56,13 @@ bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) 
 std::string HeightTable(const TargetQuality& quality) {
   return FormatTable(TargetTable(quality), TableFormat::kText) +
          fmt::format(
-             "views: from {} directions, {} m from the middle\n"
-             "fix pose: share of the views whose visible sides determine the pose\n"
-             "unique: share of the views that cannot be taken for another pose, with the floor in "
-             "view\n"
-             "no floor: the same without the floor\n"
-             "sides from, to: the fewest and the most sides that a view shows\n"
-             "weakest, worst: standard deviation of the position in its worst direction, of the "
-             "median view and of the worst one; patches of 10 x 10 px err by 5 mm, silhouettes by "
-             "a pixel of every 10 px\n",
+             "views: from {} directions, {} m from the middle\nfix pose: share of the views whose "
+             "visible sides determine the pose\nunique: share of the views that cannot be taken "
+             "for another pose, with the floor in view\nno floor: the same without the "
+             "floor\nsides from, to: the fewest and the most sides that a view shows\nweakest, "
+             "worst: standard deviation of the position in its worst direction, of the median view "
+             "and of the worst one\nassumed errors: 5 mm per patch of 10 x 10 px, a pixel per 10 "
+             "px of a silhouette\n",
              quality.options.directions, quality.options.distance_m);
 }
 
@@ -81,20 +79,22 @@ std::string Conclusion(const Structure& structure, const TargetQuality& quality)
     text += fmt::format("{}: {}\n", fault.impossible ? "impossible" : "doubtful", fault.text);
   if (alike > 0) {
     text += fmt::format(
-        "poor: from {:.0f} % of the places another pose looks the same, floor or not; such sensors "
-        "will be ambiguous. Move or turn a box so that no turn of the stack looks like another\n",
+        "poor: from {:.0f} % of the places another pose looks the same, with or without the floor. "
+        "Sensors there will be ambiguous. Move or turn a box so that no turn of the stack looks "
+        "like another\n",
         100 * Share(alike, all));
   }
   if (Share(open, all) > kMostUnfixed) {
     text += fmt::format(
-        "poor: {:.0f} % of the views fix no pose. Let boxes stick out in both horizontal "
-        "directions, so that every view has sides of three orientations\n",
+        "poor: {:.0f} % of the views do not determine a pose. Let boxes stick out in both "
+        "horizontal directions, so that every view has sides of three orientations\n",
         100 * Share(open, all));
   }
-  if (text.empty()) text = "good: every view has one pose, and nearly all fix it\n";
+  if (text.empty())
+    text = "good: every view fits one pose only, and nearly all views determine it\n";
   if (alike_without_floor > alike) {
     text += fmt::format(
-        "let sensors see the floor beside the stack: without it, {:.0f} % of the views are like "
+        "let sensors see the floor beside the stack: without it, {:.0f} % of the views look like "
         "those of another pose\n",
         100 * Share(alike_without_floor, all));
   }

@@ -58,8 +58,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("estimate", estimate,
-       "what is estimated besides the poses: auto (all of the list), none, or a list of boxes, "
-       "size, depth_gain, depth_offset, lens (separated by commas)");
+       "quantities to estimate besides the poses: auto (all of the list), none, or a list of "
+       "boxes, size, depth_gain, depth_offset, lens (separated by commas)");
     ar("lens_per_sensor", lens_per_sensor,
        "true: each sensor has a lens of its own. false: sensors of one kind share a lens, except "
        "for a small deviation of the focal length");
@@ -84,8 +84,8 @@ struct RefineOptions : PriorOptions, RefineSchedule {
     ar("sensor_moved_sigma_deg", sensor_moved_sigma_deg,
        "prior standard deviation of a sensor's rotation between two captures, deg", Above(0));
     ar("max_overlap_points", max_overlap_points,
-       "most matches of one sensor's points with those of all others, equally many with each; 0: "
-       "no matches, each sensor by itself",
+       "largest number of matches of one sensor's points with those of the others, shared equally "
+       "among them; 0: each sensor by itself",
        AtLeast(0),
        Removed("without_structure",
                "a sensor is placed by its own view of the structure, and overlap counts beside it",

@@ -23,7 +23,8 @@ std::string Problem(bool unsolved, bool exact_covariance) {
   if (unsolved)
     return "its refinement could not be solved: its measurements give numbers that are not finite";
   if (!exact_covariance)
-    return "the uncertainty could not be computed: what nothing tells is given as the prior has it";
+    return "the uncertainty could not be computed: for quantities that no frame shows, that of the "
+           "prior is given";
   return "";
 }
 

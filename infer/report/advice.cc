@@ -61,12 +61,11 @@ std::vector<std::string> Advise(const CalibrationResult& result) {
         "whether a sensor moved, take a new capture and run volalign check");
   } else if (result.placed() > 0 && !result.findings.empty()) {
     advice.emplace_back(
-        "the poses rest on something that is doubtful for all sensors; do what is said above and "
-        "calibrate again");
+        "all poses are doubtful for the same reason: do what is said above, and calibrate again");
   } else if (result.placed() > 0) {
     advice.emplace_back(
-        "use the poses of sensors that are ok; for the others, do what is said above and calibrate "
-        "again");
+        "use the poses of the sensors that are ok. For the others, do what is said above, and "
+        "calibrate again");
   } else {
     advice.emplace_back("no pose can be used; do what is said above and calibrate again");
   }

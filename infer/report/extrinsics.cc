@@ -207,7 +207,7 @@ const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::st
       if (frame.name == name) return frame;
     }
   }
-  throw Error(fmt::format("sensor \"{}\" is in no still of its result", name));
+  throw Error(fmt::format("sensor \"{}\" is in no capture of its result", name));
 }
 
 }  // namespace

@@ -76,9 +76,8 @@ Pose LivescanCamera(PoseFormat format, const std::string& name,
   }
   if (!colour) {
     throw ConfigError(fmt::format(
-        "livescan3d_azure: its points are those of the colour camera, and where that of {0} is "
-        "to its depth camera is not known; give the device's raw calibration by "
-        "--colour-camera {0}=FILE.json",
+        "livescan3d_azure: poses are those of colour cameras, and the place of {0}'s colour camera "
+        "is not known; give the device's raw calibration with --colour-camera {0}=FILE.json",
         name));
   }
   return colour->colour_from_depth;
@@ -257,8 +256,8 @@ std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, b
   });
   if (off.empty()) return "";
   return fmt::format(
-      "the poses belong to corrected depths, {}; without the correction, points at the structure "
-      "are off by so many mm: {}",
+      "the poses belong to corrected depths, {}. Without the correction, points at the structure "
+      "are off (mm): {}",
       colour ? "and these corrections of the depth cameras are not in the file"
       : !FormatOf(format).holds_depth ? "and these corrections have no place in it"
       : format == PoseFormat::kDepthCorrection
@@ -280,8 +279,8 @@ std::string TurnIntoRaw(std::vector<SensorPose>* poses) {
   const std::string off =
       Millimetres(*poses, [&](const SensorPose& pose) { return left.at(pose.name); });
   if (off.empty()) return "";
-  return "the poses fit uncorrected depths best; points within 1 m of the structure are still off "
-         "by so many mm (RMS): " +
+  return "the poses fit uncorrected depths best. Points within 1 m of the structure are still off "
+         "(mm, RMS): " +
          off;
 }
 
@@ -304,8 +303,8 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
     const std::string off = Millimetres(poses, LensShift);
     lost.push_back("the intrinsics have no place in it" +
                    (off.empty() ? off
-                                : "; with those of the capture, points at the structure are off by "
-                                  "up to so many mm: " +
+                                : ". With those of the capture, points at the structure are off by "
+                                  "up to (mm): " +
                                       off));
   }
   if (distortion && format == PoseFormat::kOpen3d)

@@ -46,7 +46,8 @@ std::string OverlapTable(const CalibrationResult& result) {
   }
   if (open.sigma_m > 0) {
     summary += fmt::format(
-        "; relative to each other their places are known to {:.1f} mm (sigma) or better",
+        ". The uncertainty of their places relative to each other is {:.1f} mm (one standard "
+        "deviation) or less",
         1000 * open.sigma_m);
   }
   summary += '\n';
@@ -81,11 +82,11 @@ std::string SensorTable(const std::vector<FrameResult>& sensors) {
   });
   std::string text = FormatTable(SensorsTable(sensors), TableFormat::kText);
   text +=
-      "initial: source of the initial pose. sides: number of sides found. rms: of labelled points "
-      "within 10 cm of the structure.\nsigma: one standard deviation, of the position along its "
-      "least known direction, of the rotation about its least known axis.\ninliers: share of "
-      "labelled points on the structure.";
-  if (truth) text += " error: against the capture's ground truth.";
+      "initial: source of the initial pose. sides: number of sides that were found\nrms: distance "
+      "of labelled points within 10 cm of the structure from it\nsigma: one standard deviation, in "
+      "the worst direction and about the worst axis\ninliers: share of labelled points on the "
+      "structure";
+  if (truth) text += "\nerror: distance from the capture's ground truth";
   return text + '\n';
 }
 
@@ -97,8 +98,8 @@ std::string BothPoses(const FrameResult& sensor) {
   };
   const PoseError apart = ComparePoses(*sensor.together, *sensor.structure_from_sensor);
   return fmt::format(
-      "{} stands at {} by what it saw itself, which counts; with the others it would stand at {}, "
-      "{:.1f} mm and {:.2f} deg from there (together in extrinsics.json)\n",
+      "{} stands at {} by its own picture, and this pose is reported. With the other sensors it "
+      "would stand at {}, {:.1f} mm and {:.2f} deg from there (together in extrinsics.json)\n",
       sensor.name, place(*sensor.structure_from_sensor), place(*sensor.together),
       1000 * apart.translation_m, apart.rotation_deg);
 }
@@ -114,7 +115,7 @@ std::string BothPosesOf(const std::vector<FrameResult>& sensors) {
 std::string Findings(const std::vector<RigFinding>& findings) {
   std::string text;
   for (const RigFinding& finding : findings)
-    text += fmt::format("the rig is in doubt ({}): {}; {}\n", ToString(finding.code),
+    text += fmt::format("the rig is in doubt ({}): {}. What to do: {}\n", ToString(finding.code),
                         finding.reason, finding.hint);
   return text;
 }
@@ -139,7 +140,7 @@ std::string Reasons(const std::vector<FrameResult>& sensors) {
     const char* verb = sensor.status == SensorStatus::kFailed ? ""
                        : names == sensor.name                 ? "is "
                                                               : "are ";
-    text += fmt::format("{} {}{} ({}): {}; {}\n", names, verb, ToString(sensor.status),
+    text += fmt::format("{} {}{} ({}): {}. What to do: {}\n", names, verb, ToString(sensor.status),
                         ToString(sensor.code), sensor.reason, sensor.hint);
   }
   text += BothPosesOf(sensors);
@@ -199,7 +200,7 @@ std::string Placements(const CalibrationResult& result) {
     }
     const Pose& pose = still.first_from_placement;
     std::string where = "the stack stands where poses are given";
-    if (s > 0 && placed.empty()) where = "no sensor tells where the stack stood";
+    if (s > 0 && placed.empty()) where = "no sensor shows where the stack stood";
     if (s > 0 && !placed.empty()) {
       where = fmt::format(
           "the stack stood {:+.3f} m along x, {:+.3f} m along y, {:+.3f} m along z from there, "
@@ -268,11 +269,10 @@ std::string Lenses(const std::vector<FrameResult>& sensors) {
 std::string Solution(const SolveReport& solve) {
   if (solve.rounds == 0) return "";
   return fmt::format(
-      "the joint solution has {}settled after {} round{}: the last one moved sensors by up to "
-      "{:.1f} "
-      "mm{}, the last change of a lens pictures by up to {:.1f} px\n",
+      "the joint solution has {}settled after {} round{}. The last one moved sensors by up to "
+      "{:.1f} mm{}. The last change of a lens moved pictures by up to {:.1f} px\n",
       solve.settled ? "" : "not ", solve.rounds, solve.rounds == 1 ? "" : "s", 1000 * solve.moved_m,
-      solve.converged ? "" : " and did not converge", solve.moved_px);
+      solve.converged ? "" : " without converging", solve.moved_px);
 }
 
 std::string Seconds(const std::vector<std::pair<std::string, double>>& timings_s) {

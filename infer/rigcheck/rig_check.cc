@@ -76,9 +76,8 @@ std::vector<std::string> Updated(const Extrinsics& last, const Extrinsics& now,
 
 std::string MovementText(const Movements& movements) {
   return FormatTable(MovementTable(movements), TableFormat::kText) +
-         "apart: how far it moved; probability: the chance of this without any movement; found: "
-         "the "
-         "smallest movement or turn that is noticed with 95 % probability\n";
+         "apart: how far it moved\nprobability: the chance of this without any movement\nfound: "
+         "the smallest movement or turn that is noticed with 95 % probability\n";
 }
 
 /// "KA04 moved 12.1 mm, 0.62 deg"
@@ -90,10 +89,10 @@ std::string Moved(const SensorMovement& sensor) {
 std::string Sentence(const Movements& movements) {
   if (movements.sensors.empty()) return "nothing can be compared\n";
   if (!movements.last_from_now) {
-    return movements.sensors.size() == 1
-               ? "whether the one sensor moved or the stack cannot be told; it takes two sensors\n"
-               : "something moved, and no more than half of the sensors agree with each other: "
-                 "which ones moved cannot be told\n";
+    return movements.sensors.size() == 1 ? "the sensor or the stack may have moved: one sensor "
+                                           "cannot show which. Compare two sensors or more\n"
+                                         : "something moved, but it is unknown which sensors: no "
+                                           "more than half of them agree with each other\n";
   }
   std::string moved, undecided;
   std::size_t stayed = 0;
@@ -114,7 +113,7 @@ std::string Sentence(const Movements& movements) {
   std::string text;
   if (!moved.empty()) text += moved + "; ";
   if (!undecided.empty()) {
-    text += fmt::format("of {} some moved, but which of them cannot be told; ", undecided);
+    text += fmt::format("some of {} moved, but it is unknown which; ", undecided);
   }
   text += fmt::format("{} {} agree within {:.1f} mm, {:.2f} deg\n",
                       text.empty() ? "nothing moved: all" : "the other", stayed, 1000 * apart_m,
@@ -134,7 +133,7 @@ std::string Exchange(const RigCheck& check) {
   }
   if (stand.empty()) return "";
   return stand +
-         ": their depth files, or the sensors themselves, are exchanged; correct the capture and "
+         ": their depth files, or the sensors themselves, were exchanged. Correct the capture and "
          "check again\n";
 }
 
@@ -144,8 +143,8 @@ std::string Circumstances(const RigCheck& check) {
     text += fmt::format("{} is not compared: {}\n", sensor.name, sensor.reason);
   if (!check.same_structure) {
     text +=
-        "the structure is described otherwise than last time; only the sensors are compared, "
-        "with each other\n";
+        "the structure is not described as last time, so sensors are compared only with each "
+        "other\n";
   }
   if (const std::optional<Pose>& moved = check.movements.last_from_now) {
     text += fmt::format("the stack stands {:.0f} mm and {:.1f} deg from where it stood\n",
@@ -290,7 +289,7 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
                                                 return sensor.movement == Movement::kUndecided;
                                               })) {
     throw DataError(
-        "which sensors moved cannot be told, so none can be updated. Name those that did with "
+        "it is unknown which sensors moved, so no pose can be updated. Name those that moved with "
         "--moved, or calibrate all sensors anew");
   }
   const std::vector<std::string> updated = Updated(last, now, check);

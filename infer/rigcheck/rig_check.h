@@ -38,10 +38,10 @@ struct RigCheck {
 RigCheck CheckRig(const std::string& last_file, const Extrinsics& last, const Extrinsics& now,
                   const MovementOptions& options = {});
 
-/// check.json's text. `where` begins every message.
+/// The text of check.json. `where` begins every message.
 std::string RigCheckText(const RigCheck& check, const std::string& where);
 
-/// Writes atomically. Throws IoError.
+/// Writes RigCheckText to a file, atomically. Throws IoError.
 void WriteRigCheck(const std::filesystem::path& path, const RigCheck& check);
 
 /// The result in sentences; the first is the headline.

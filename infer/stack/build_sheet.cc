@@ -482,9 +482,8 @@ std::string BuildSheet(const Structure& structure) {
       "Plans are seen from above. Dashed: the box below. (A second box on the floor is measured "
       "from "
       "box 1.)",
-      "“120 out”: this edge stands 120 mm beyond the dashed one; “120 in”: it is set back by 120 "
-      "mm; "
-      "“flush”: neither.",
+      "“120 out”: this edge stands 120 mm beyond the dashed one. “120 in”: it is set back by 120 "
+      "mm. “flush”: neither.",
       "Measure to a few millimetres, tape or glue the boxes together, and measure again when the "
       "stack stands.",
       fmt::format("structure {}, sha256 {}", structure.name(), structure.Hash().substr(0, 16))};

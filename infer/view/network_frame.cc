@@ -43,11 +43,11 @@ NetworkFrame PlanNetworkFrame(const Intrinsics& intrinsics, std::pair<double, do
   frame.width = std::max(1, static_cast<int>(std::lround(intrinsics.width / scale)));
   frame.height = std::max(1, static_cast<int>(std::lround(intrinsics.height / scale)));
   if (std::min(frame.width, frame.height) < kMinNetworkSide) {
-    throw DataError(
-        fmt::format("a {}x{} frame with a focal length of {:.1f} px becomes {}x{} for a network "
-                    "trained at {:.1f} to {:.1f} px; it needs {} px a side: check the intrinsics",
-                    intrinsics.width, intrinsics.height, focal, frame.width, frame.height,
-                    focal_px.first, focal_px.second, kMinNetworkSide));
+    throw DataError(fmt::format(
+        "a {}x{} frame with a focal length of {:.1f} px becomes {}x{} for a network trained at "
+        "{:.1f} to {:.1f} px. It needs {} px or more per side; check the intrinsics",
+        intrinsics.width, intrinsics.height, focal, frame.width, frame.height, focal_px.first,
+        focal_px.second, kMinNetworkSide));
   }
   return frame;
 }

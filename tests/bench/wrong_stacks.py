@@ -104,7 +104,7 @@ def is_named(kind, fault, result):
         return True
     if kind in ("turned", "edge", "higher") and any(finding["code"] == "box_off" and finding["about"] == [fault] for finding in result.get("findings", [])):
         return True
-    if kind == "left out" and any("something nearer lies before most of it" in finding["reason"] for finding in result.get("findings", [])):
+    if kind == "left out" and any("something nearer hides most of it" in finding["reason"] for finding in result.get("findings", [])):
         return True
     boxes = [] if kind in ("left out", "put in") else fault.split()
     return any(word in sentence for word in NAMES[kind]) and all(re.search(rf"\b{box}\b", sentence) for box in boxes)

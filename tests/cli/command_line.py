@@ -24,7 +24,7 @@ NAMES = (
     (r"^egl, cpu or auto", "--renderer"),
     (r"^threads", "--threads"),
     (r"^(folder for|file to write|folder to write|picture|structure file to write|also write the scores)", "-o,--output"),
-    (r"^KEY=VALUE over (the|a) (file|rig$|rig or|recipe|config|calibration)", "--set"),
+    (r"^KEY=VALUE: replaces a value of the (file|rig$|rig or|recipe|config|calibration)", "--set"),
     (r"^checkpoints?\b", "--model"),
     (r"^(YAML of calibration options|recipe|training recipe)", "--config"),
     (r"^capture\.json( of the| files|;)", "--capture"),
@@ -492,11 +492,11 @@ class CommandLine(InAFolder):
     def test_init(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)
         capture = self.json("capture", "capture.json")
-        self.expect("init capture", 1, "capture.json is there already", "--force")
+        self.expect("init capture", 1, "capture.json exists", "--force")
         self.expect("init capture -o draft.json", 2, "S1: depth_scale", "m at 0.001")
         self.expect("init capture -o draft.json --depth-scale 0.001", 0, "S1: intrinsics of S1_intrinsics.json", "(4 sensors)")
         self.write("draft.json", self.read("draft.json") + " ")
-        self.expect("init capture -o draft.json --depth-scale 0.001", 1, "draft.json is there already, and is not as", "--force")
+        self.expect("init capture -o draft.json --depth-scale 0.001", 1, "draft.json exists and was changed", "--force")
         self.expect("init capture -o draft.json --force --depth-scale 0.001", 0)
         draft = self.json("draft.json")
         self.assertEqual(len(draft["sensors"]), len(capture["sensors"]))

@@ -289,7 +289,7 @@ class ReportPage(unittest.TestCase):
 
     def test_columns_are_explained_without_a_pointer(self):
         self.page.evaluate("document.querySelector('#sensor-table details').open = true")
-        self.assertIn("known least", self.text("#sensor-table details"))
+        self.assertIn("worst direction", self.text("#sensor-table details"))
         self.page.evaluate("document.querySelector('#sensor-table details').open = false")
         self.assertNotIn("Rest on a number", self.text("main"))
 
@@ -351,7 +351,7 @@ class ReportPage(unittest.TestCase):
         report["twins"] = [{"from_above": report["from_above"], "frames": shown}, {"from_above": report["from_above"], "frames": []}]
         page = self.open_with(report, "alternatives.html")
         text = page.evaluate("document.querySelector('#alternatives').innerText")
-        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well is decided against, with odds from over 1000 : 1 on"):
+        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well was rejected, with odds from over 1000 : 1 on"):
             self.assertIn(part, text)
         self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives svg').length"), 2)
         self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives img').length"), 4)

@@ -29,8 +29,8 @@ struct LoggedRun {
   std::optional<double> SamplesPerSecond() const;  ///< median over the rows
 };
 
-/// Throws IoError if config.yaml or metrics.jsonl is missing, DataError if a row other than the
-/// last is no JSON.
+/// Reads a run folder. Throws IoError if config.yaml or metrics.jsonl is missing. Throws DataError
+/// if a row other than the last is no JSON.
 LoggedRun ReadRun(const std::filesystem::path& dir);
 
 /// The runs in these folders and below them, in the order of the arguments, below by name. Throws
@@ -45,7 +45,7 @@ struct RunGroup {
   std::vector<LoggedRun> runs;
 };
 
-/// In the order of each group's first run.
+/// Groups runs. Groups are in the order of their first runs.
 std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs);
 
 /// Keeps only some keys in all groups' `differences`. These are the `wanted` keys, which need not

@@ -23,19 +23,19 @@ struct GraphIcpOptions {
     ar("iterations", iterations, "rounds of correspondences and one Gauss-Newton step each",
        AtLeast(1));
     ar("first_distance_m", first_distance_m,
-       "distance within which points correspond in the first round, and within which, at its "
-       "initial pose, a view's points belong to the structure, m",
+       "distance within which points correspond in the first round, m. Points of a view within it, "
+       "at the initial pose, belong to the structure",
        Above(0));
-    ar("last_distance_m", last_distance_m, "such distance in the last round, m", Above(0));
+    ar("last_distance_m", last_distance_m,
+       "distance within which points correspond in the last round, m", Above(0));
     ar("max_normal_angle_deg", max_normal_angle_deg,
        "largest angle between the normals of points that correspond, deg", Between(1, 90));
-    ar("max_points", max_points, "points of a view, about", AtLeast(10));
+    ar("max_points", max_points, "approximate number of points per view", AtLeast(10));
     ar("floor_margin_m", floor_margin_m,
-       "points that lie lower than so far above the floor, at the initial pose, belong to it, m",
-       AtLeast(0));
+       "height below which points belong to the floor, at the initial pose, m", AtLeast(0));
     ar("min_overlap", min_overlap,
-       "two views are joined when, at the initial poses, so large a share of one's points "
-       "corresponds to the other's",
+       "smallest share of a view's points that correspond to another view's, at the initial poses, "
+       "for the two to be joined",
        Between(0, 1));
   }
 };

@@ -51,7 +51,7 @@ struct CaptureScores {
 CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels);
 
 void WriteScores(const std::filesystem::path& path, const CaptureScores& scores);
-/// Throws IoError or DataError.
+/// Reads the scores of a capture. Throws IoError or DataError.
 CaptureScores ReadScores(const std::filesystem::path& path);
 
 /// All scores as the JSON text of suite.json.

@@ -76,7 +76,7 @@ struct SuiteMethod {
     ar("model", model, "checkpoint; where it does not exist, its rows say so");
     ar("statistical", statistical,
        "network and markers: refine by volalign's joint refinement too, not only by the paper's");
-    ar("datasets", datasets, "those that the method is applicable to; empty: all");
+    ar("datasets", datasets, "data sets for which the method can be used; empty: all");
   }
 };
 
@@ -92,9 +92,9 @@ struct SuiteBlock {
   void Describe(Archive& ar) {
     ar("title", title, "heading");
     ar("metric", metric,
-       "of a view: miou_authors, miou, miou_authors_all, rmse, rmse_visible; of a "
-       "capture: d1, d2");
-    ar("datasets", datasets, "names; their views or captures are taken together");
+       "metric of a view (miou_authors, miou, miou_authors_all, rmse, rmse_visible) or of a "
+       "capture (d1, d2)");
+    ar("datasets", datasets, "names of data sets; their views or captures are taken together");
   }
 };
 
@@ -106,15 +106,14 @@ struct SuiteRow {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("label", label, "as the paper has it");
+    ar("label", label, "name of the row, as the paper has it");
     ar("method", method, "name of a method");
     ar("stage", stage,
        "initial, graph (refined as in the paper), statistical (refined by volalign), or corrected "
-       "(that, with each sensor's depth as corrected by the refinement)");
+       "(statistical, with the corrected depth of each sensor)");
     ar("paper", paper,
-       "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block; "
-       "empty: "
-       "a row that the paper does not have");
+       "the paper's cells, as printed: mean, STD, RSD and distance to the best of each block. "
+       "Empty: the paper does not have this row");
   }
 };
 
@@ -129,7 +128,7 @@ struct SuiteTable {
   void Describe(Archive& ar) {
     ar("name", name, "unique; names files");
     ar("title", title, "caption");
-    ar("note", note, "what a reader has to know: deviations from the paper");
+    ar("note", note, "remark for the reader: deviations from the paper");
     ar("blocks", blocks, "groups of columns");
     ar("rows", rows, "rows, in order");
   }
@@ -156,11 +155,11 @@ struct SuiteFigure {
   void Describe(Archive& ar) {
     ar("name", name, "unique; names the file");
     ar("kind", kind,
-       "labels (predicted, over depth), attention (the network's, over depth, yellow 1 and violet "
-       "0), or clouds (aligned points from two sides, violet on the structure, yellow 5 cm off)");
+       "labels (predicted, over depth), attention (over depth, yellow 1 and violet 0), or clouds. "
+       "Clouds are aligned points from two sides, violet on the structure, yellow 5 cm off");
     ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
     ar("methods", methods, "a row for each");
-    ar("stage", stage, "of clouds: which poses");
+    ar("stage", stage, "stage of the poses of clouds");
   }
 };
 
@@ -180,8 +179,8 @@ struct SuiteConfig {
     ar("methods", methods, "what is compared");
     ar("tables", tables, "what is written");
     ar("figures", figures, "what is drawn");
-    ar("min_side_pixels", min_side_pixels, "least pixels of a side that counts as visible",
-       AtLeast(1));
+    ar("min_side_pixels", min_side_pixels,
+       "smallest number of pixels with which a side counts as visible", AtLeast(1));
     ar("graph", graph, "the paper's dense refinement");
     ar("infrared", infrared, "infrared pictures of the markers");
   }

@@ -106,11 +106,11 @@ std::string FormatMarkdown(const TableData& data) {
       "poses on the same frames. To best: distance to the best mean among the paper's rows.\n\n";
   text += MainTable(data);
   text +=
-      "\nWhat rendering knows. Lost: no pose. Wrong: over 10 cm or 5 deg off. Errors of placed "
-      "views, in the frame in which the boxes' own displacements average out. Labels' mIoU: the "
-      "predicted against the true labels, over the classes present. RSD within set-ups: mean of "
-      "the "
-      "set-ups' own STD / mean, of those with several captures.\n\n";
+      "\nThese columns compare with the true poses of rendering. Lost: no pose. Wrong: over 10 cm "
+      "or 5 deg off. Errors of placed views, in the frame in which the boxes' own displacements "
+      "average out. Labels' mIoU: the predicted against the true labels, over the classes present. "
+      "RSD within set-ups: mean of the set-ups' own STD / mean, of those with several "
+      "captures.\n\n";
   return text + TruthTable(data);
 }
 

@@ -70,7 +70,7 @@ Poses ReadRos(const std::string& text, const std::string& name);
 std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame);
 std::string WriteUrdf(const Poses& poses, const FileFrame& frame);
 
-/// Its world has z up, as in ros.
+/// Writes files for VolumetricCapture. Their world has z up, as in ros.
 Files WriteVolumetricCapture(const Poses& poses);
 Poses ReadVolumetricCapture(const Files& files);
 

@@ -77,8 +77,8 @@ Files WriteColmap(const Poses& poses, const FileFrame& frame) {
       "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[] (fx fy cx cy, then k1 k2 p1 p2 k3 k4 k5 k6; the "
       "upper left pixel's centre is at 0.5, 0.5)\n";
   std::string images =
-      "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world, metres; camera: x right, "
-      "y down, z forward; world: " +
+      "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME (camera_from_world, metres. Camera: x right, "
+      "y down, z forward. World: " +
       frame.world + "), then a line of points: none\n" + DepthComments(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
     if (poses[i].name.find_first_of(" \t\n") != std::string::npos)

@@ -18,17 +18,17 @@ using nlohmann::ordered_json;
 constexpr int kCwipcVersion = 3;
 constexpr char kPosesFormat[] = "volalign.poses/1";
 constexpr char kPosesConvention[] =
-    "structure_from_sensor: p_structure = T p_sensor, 4x4, row-major, metres; sensor: x right, y "
-    "down, z forward; structure: {}; pixel centres at integer coordinates";
+    "structure_from_sensor: p_structure = T p_sensor, 4x4, row-major, metres. Sensor: x right, y "
+    "down, z forward. Structure: {}. Pixel centres at integer coordinates";
 constexpr char kOpen3dConvention[] =
-    "extrinsic: camera_from_world, 4x4, column-major, metres; camera: x right, y down, z forward; "
-    "world: {}; intrinsic_matrix: 3x3, column-major, pixel centres at integer coordinates";
+    "extrinsic: camera_from_world, 4x4, column-major, metres. Camera: x right, y down, z forward. "
+    "World: {}. intrinsic_matrix: 3x3, column-major, pixel centres at integer coordinates";
 constexpr char kUnityConvention[] =
     "position and rotation of transforms in a left-handed world, y up, metres. (x, y, z) of "
     "volalign's ({}) is (-x, y, z). The transform's +z looks at the scene, its +y is the top of "
     "the picture. rotation: quaternion x, y, z, w";
 constexpr char kCwipcConvention[] =
-    "trafo: world_from_camera, 4x4, row-major, metres; camera: x right, y down, z forward; world: "
+    "trafo: world_from_camera, 4x4, row-major, metres. Camera: x right, y down, z forward. World: "
     "{}";
 
 ordered_json IntrinsicsJson(const Intrinsics& k) {

@@ -38,10 +38,10 @@ std::size_t CountWords(const std::string& text) {
 
 Pose WorldFromCamera(const std::string& text, const std::string& file) {
   if (CountWords(text) >= kLaterForm) {
-    throw DataError(fmt::format(
-        "{}: the later form of this file, of two 4x4 matrices, needs settings of the server to be "
-        "understood; only that of a vector and a 3x3 matrix is read",
-        file));
+    throw DataError(
+        fmt::format("{}: this newer form of the file, with two 4x4 matrices, depends on settings "
+                    "of the server; only the older form, with a vector and a 3x3 matrix, is read",
+                    file));
   }
   // LiveScan3D reads the longest possible number each time. It writes the matrix without blanks,
   // and can read it because each number but 1 begins with a zero that the one before may take.

@@ -149,8 +149,8 @@ int PixelCount(double value, const std::string& place) {
 
 std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame) {
   std::string text =
-      "# world_from_camera, 4x4, row-major, metres, after a line of three numbers of the frame;\n"
-      "# camera: x right, y down, z forward; world: " +
+      "# world_from_camera, 4x4, row-major, metres, after a line with three numbers of the "
+      "frame.\n# Camera: x right, y down, z forward. World: " +
       frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
   text += DepthComments(poses);
@@ -166,7 +166,7 @@ std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame) {
 Poses ReadOpen3dLog(const std::string& text, const std::string& name) {
   const std::vector<Line> all = LinesOf(text), lines = WithoutComments(all);
   if (lines.size() % 5 != 0)
-    throw DataError(fmt::format("{}: {} lines, not five a pose", name, lines.size()));
+    throw DataError(fmt::format("{}: {} lines, not five per pose", name, lines.size()));
   Poses poses;
   for (std::size_t l = 0; l < lines.size(); l += 5) {
     Numbers(lines[l], 3, name);
@@ -188,8 +188,8 @@ Poses ReadOpen3dLog(const std::string& text, const std::string& name) {
 
 std::string WriteTum(const Poses& poses, const FileFrame& frame) {
   std::string text =
-      "# timestamp tx ty tz qx qy qz qw: world_from_camera, metres; the timestamp is the sensor's\n"
-      "# number; camera: x right, y down, z forward; world: " +
+      "# timestamp tx ty tz qx qy qz qw: world_from_camera, metres. The timestamp is the sensor's "
+      "number.\n# Camera: x right, y down, z forward. World: " +
       frame.world + "\n";
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
   text += DepthComments(poses);
@@ -220,8 +220,8 @@ Poses ReadTum(const std::string& text, const std::string& name) {
 
 std::string WriteCsv(const Poses& poses, const FileFrame& frame) {
   std::string text =
-      "# x_m..qw: structure_from_sensor; sensor: x right, y down, z forward; structure: " +
-      frame.world + "; pixel centres at integer coordinates; distortion: OpenCV's order\n" +
+      "# x_m..qw: structure_from_sensor. Sensor: x right, y down, z forward. Structure: " +
+      frame.world + ". Pixel centres at integer coordinates. Distortion: OpenCV's order\n" +
       DepthComments(poses) + CsvHeader() + "\n";
   for (const SensorPose& pose : poses) {
     const Eigen::Vector3d& t = pose.structure_from_sensor.translation();

@@ -132,10 +132,10 @@ std::string WriteOpencv(const Poses& poses, const FileFrame& frame) {
       "%YAML:1.0\n---\n"
       "convention: " +
       Quoted(
-          "camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres; camera: x "
-          "right, y down, z forward; world: " +
+          "camera_from_world (solvePnP's direction): p_camera = R p_world + t, metres. Camera: x "
+          "right, y down, z forward. World: " +
           frame.world +
-          "; pixel centres at integer coordinates; distortion: k1 k2 p1 p2 k3 k4 k5 k6; " +
+          ". Pixel centres at integer coordinates. Distortion: k1 k2 p1 p2 k3 k4 k5 k6. " +
           kDepthConvention) +
       "\nsensors:\n";
   for (const SensorPose& pose : poses) {

@@ -45,7 +45,7 @@ function fillStrip(report) {
 function factsOf(report, sensor) {
   const offset = known(sensor.depth_offset_m) && (sensor.depth_offset_m !== 0 || sensor.depth_gain !== 1);
   const lens = sensor.lens ? `${sensor.lens.source}; fx ${fixed(sensor.intrinsics.fx, 1)}, fy ${fixed(sensor.intrinsics.fy, 1)} px, ${sensor.intrinsics.width} × ${sensor.intrinsics.height} pixels` : NONE;
-  const facts = [["Kind of device", sensor.sensor, "As the capture names it"], ["Serial", sensor.serial, "Of the device, as its recording has it"], ["Drawn by", sensor.renderer, "What rendered the frame"],
+  const facts = [["Kind of device", sensor.sensor, "As the capture names it"], ["Serial", sensor.serial, "Serial number of the device, as its recording has it"], ["Drawn by", sensor.renderer, "Renderer that drew the frame"],
     ["Depth files", [sensor.depth || []].flat().map(last).join(", "), "What was read"], ["Lens", lens, "Where the lens comes from; focal lengths and size in pixels"]];
   if (sensor.structure_from_sensor) {
     const m = sensor.structure_from_sensor;

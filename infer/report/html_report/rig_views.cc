@@ -61,7 +61,7 @@ std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Struc
       from_above.covariance =
           PositionCovariance(from_above.structure_from_sensor, sensor.covariance);
       from_above.title += fmt::format(
-          "; known to {:.1f} mm (one standard deviation) where it is known least",
+          "; uncertainty {:.1f} mm (one standard deviation, worst direction)",
           1000 * LargestSigmaPosition(from_above.structure_from_sensor, sensor.covariance));
     }
     const bool weak = alternative ? other != nullptr : sensor.status == SensorStatus::kWeak;

@@ -38,20 +38,20 @@ function fillHeadline(report) {
     el("b", { class: beyond ? "weak" : undefined }, value, beyond === undefined ? "" : beyond ? " !" : " ✓"), el("span", {}, text));
   const worst = (values) => Math.max(...values.filter(known));
   const rms = median(placed.map((s) => s.rms_to_structure_m)), sigma = worst(placed.map(leastKnown)), turn = worst(placed.map(leastKnownTurn));
-  const tiles = [tile(statusNode(verdict), all.length > 1 ? "worst sensor" : "the sensor", "ok: nothing speaks against a pose; weak: there is a pose, and something to know about it; failed: no pose")];
+  const tiles = [tile(statusNode(verdict), all.length > 1 ? "worst sensor" : "the sensor", "ok: the pose can be used. weak: there is a pose, and a reason for care. failed: there is no pose")];
   if (placed.length) {
     tiles.push(
       tile(`${mm(rms)} mm`, `RMS to the stack, median of the sensors; limit of each ${mm(limits.rms_m, 0)} mm`,
-        "Millimetres: root mean square distance of a sensor’s labelled points from the stack’s surface. It has the sensor’s own noise in it", rms > limits.rms_m),
+        "Millimetres: root mean square distance of a sensor’s labelled points from the stack’s surface. The sensor’s own noise is part of it", rms > limits.rms_m),
       tile(`${mm(sigma)} mm`, `position uncertainty of the worst sensor (1 σ); limit ${mm(limits.sigma_position_m, 0)} mm`,
-        "Millimetres: one standard deviation of a sensor’s position in the direction in which it is known least; two thirds of errors are smaller", sigma > limits.sigma_position_m),
+        "Millimetres: one standard deviation of a sensor’s position in its worst direction. Two thirds of errors are smaller", sigma > limits.sigma_position_m),
       tile(`${fixed(turn, 2)}°`, `rotation uncertainty of the worst sensor (1 σ); limit ${fixed(limits.sigma_rotation_deg, 1)}°`,
-        "Degrees: one standard deviation of a sensor’s rotation about the axis about which it is known least", turn > limits.sigma_rotation_deg));
+        "Degrees: one standard deviation of a sensor’s rotation about its worst axis", turn > limits.sigma_rotation_deg));
   }
   const apart = farthestApart(pairs);
   const expected = apart && known(apart.predicted_rms_m);
   if (apart) tiles.push(tile(`${mm(apart.rms_m)} mm`, `between the points of ${apart.a} and ${apart.b}, the pair farthest apart${expected ? `; ${mm(apart.predicted_rms_m)} mm expected` : ""}`,
-    `Millimetres, ${apart.a} and ${apart.b}: where two sensors see the same surface, how far their points are apart there (RMS). It has both sensors’ own errors in it, as has what is expected; marked from ${FAR_BEYOND} times that on`,
+    `Millimetres, ${apart.a} and ${apart.b}: RMS distance between their points where both see the same surface. The errors of both sensors are part of it and of the expected distance. It is marked above ${FAR_BEYOND} times the expected distance`,
     expected ? apart.rms_m > FAR_BEYOND * apart.predicted_rms_m : undefined));
   $("tiles").append(...tiles);
 }
@@ -62,10 +62,10 @@ function fillCheck(report) {
   const { sentences, file } = report.check, decided = Boolean(file.last_from_now);
   const text = (show) => (sensor) => (decided ? show(sensor) : NONE), word = { stayed: "ok", moved: "failed", undecided: "weak" };
   const columns = [{ head: "Sensor", words: true, meaning: "Name in both captures", of: (s) => s.name },
-    { head: "Now", words: true, meaning: "stayed, moved, or undecided: something moved, and it cannot be told which sensor", of: (s) => el("span", { class: `status ${word[s.movement]}` }, s.movement) },
+    { head: "Now", words: true, meaning: "stayed, moved, or undecided: something moved, and it is unknown which sensor", of: (s) => el("span", { class: `status ${word[s.movement]}` }, s.movement) },
     { head: "Moved", unit: "mm", meaning: "distance between the sensor’s place then and now, in the frame of the earlier calibration", of: text((s) => mm(s.translation_m)), over: (s) => s.movement === "moved" },
     { head: "Turned", unit: "deg", meaning: "angle between its two rotations", of: text((s) => fixed(s.rotation_deg, 2)), over: (s) => s.movement === "moved" },
-    { head: "Probability", meaning: "chance of so large a difference without any movement, no unit", of: text((s) => s.probability.toPrecision(2)) },
+    { head: "Probability", meaning: "chance of so large a difference without any movement, without unit", of: text((s) => s.probability.toPrecision(2)) },
     { head: "Noticed from", unit: "mm", meaning: "smallest movement that is noticed with 95 % probability", of: text((s) => mm(s.found_from_m, 0)) },
     { head: "or", unit: "deg", meaning: "smallest turn that is noticed with 95 % probability", of: text((s) => fixed(s.found_from_deg, 2)) }];
   const bad = file.sensors.some((s) => s.movement !== "stayed");
@@ -108,7 +108,7 @@ function columnsTable(label, columns, rows, nameOf, className) {
   })));
   const meanings = columns.filter((column) => column.head && column.meaning);
   return el("div", {}, table(label, head, body, className),
-    el("details", { class: "meanings" }, el("summary", {}, "What the columns mean"), el("dl", {}, meanings.map((column) => [el("dt", {}, column.head + (column.unit ? ` (${column.unit})` : "")), el("dd", { title: column.head }, sentence(column.meaning))]))));
+    el("details", { class: "meanings" }, el("summary", {}, "Meaning of the columns"), el("dl", {}, meanings.map((column) => [el("dt", {}, column.head + (column.unit ? ` (${column.unit})` : "")), el("dd", { title: column.head }, sentence(column.meaning))]))));
 }
 
 function fillSensorTable(report) {
@@ -118,18 +118,18 @@ function fillSensorTable(report) {
     { head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => [swatch(sensorColour(s.index)), " ", s.name] },
     { head: "Status", words: true, meaning: "ok, weak (a pose to be used with care) or failed (no pose)", of: (s) => [statusNode(s.status), s.code ? el("small", {}, ` ${s.code}`) : ""] },
     { head: "RMS to stack", unit: `mm; ≤ ${mm(limits.rms_m, 0)}`, meaning: "root mean square distance of labelled points within 10 cm of the stack to its surface", of: placed((s) => mm(s.rms_to_structure_m)), over: (s) => s.rms_to_structure_m > limits.rms_m },
-    { head: "σ position", unit: `mm; ≤ ${mm(limits.sigma_position_m, 0)}`, meaning: "one standard deviation of the sensor’s position in the direction in which it is known least", of: placed((s) => mm(leastKnown(s))), over: (s) => leastKnown(s) > limits.sigma_position_m },
-    { head: "σ rotation", unit: `deg; ≤ ${fixed(limits.sigma_rotation_deg, 1)}`, meaning: "one standard deviation of its rotation about the axis about which it is known least", of: placed((s) => fixed(leastKnownTurn(s), 3)), over: (s) => leastKnownTurn(s) > limits.sigma_rotation_deg },
-    { head: "Inliers", unit: `%; ≥ ${fixed(100 * limits.inlier_share, 0)}`, meaning: "share of labelled points on the stack, to within three standard deviations of the depth’s error and 1.5 cm", of: placed((s) => fixed(100 * s.inlier_share, 0)), over: (s) => s.inlier_share < limits.inlier_share },
+    { head: "σ position", unit: `mm; ≤ ${mm(limits.sigma_position_m, 0)}`, meaning: "one standard deviation of the sensor’s position in its worst direction", of: placed((s) => mm(leastKnown(s))), over: (s) => leastKnown(s) > limits.sigma_position_m },
+    { head: "σ rotation", unit: `deg; ≤ ${fixed(limits.sigma_rotation_deg, 1)}`, meaning: "one standard deviation of its rotation about its worst axis", of: placed((s) => fixed(leastKnownTurn(s), 3)), over: (s) => leastKnownTurn(s) > limits.sigma_rotation_deg },
+    { head: "Inliers", unit: `%; ≥ ${fixed(100 * limits.inlier_share, 0)}`, meaning: "share of labelled points within three standard deviations of the depth’s error, and within 1.5 cm, of the stack", of: placed((s) => fixed(100 * s.inlier_share, 0)), over: (s) => s.inlier_share < limits.inlier_share },
     { head: "Sides", unit: "found", meaning: "number of the stack’s sides that were found and agree with the pose", of: placed((s) => String((s.sides || []).length)) },
     { head: "Points", unit: "labelled", meaning: "number of pixels that are labelled as a side of the stack", of: placed((s) => String(s.points)) },
-    { head: "Initial pose", unit: "from", words: true, meaning: "what the first guess came from: the network, the stack’s geometry, or the neighbours", of: placed((s) => s.initial_source) }];
+    { head: "Initial pose", unit: "from", words: true, meaning: "source of the initial pose: the network, the stack’s geometry, the neighbours, or a prior", of: placed((s) => s.initial_source) }];
   if (all.some((sensor) => sensor.error)) {
     columns.push({ head: "Error", unit: "mm", meaning: "distance of the position from the capture’s ground truth", of: (s) => mm(s.error && s.error.translation_m) },
       { head: "Error", unit: "deg", meaning: "angle between the rotation and the capture’s ground truth", of: (s) => fixed(s.error && s.error.rotation_deg, 3) });
   }
   $("sensor-table").append(columnsTable("Sensors", columns, all, (s) => s.name), el("p", { class: "note" },
-    "Below the heads: units, and the limits beyond which a sensor is weak. σ covers errors that all sensors share only as far as the statistical model knows of them."));
+    "Below the heads: units, and the limits beyond which a sensor is weak. σ covers errors that all sensors share only if the statistical model contains them."));
 }
 
 // Distances and heights, for a tape measure.
@@ -164,9 +164,9 @@ function fillAlternatives(report) {
       el("div", { class: "side-by-side" },
         el("figure", {}, svgNode(report.from_above, "As reported"), el("figcaption", {}, "1: as reported")),
         el("figure", {}, svgNode(alternative.from_above, "The other poses"), el("figcaption", {}, `2: ${names.join(", ")} elsewhere`))),
-      telling ? el("p", {}, "Go by where the sensors stand in the room. Of the pictures, look at that of ", el("b", {}, telling.sensor), " first: the stack’s outlines at both poses differ by ",
+      telling ? el("p", {}, "Go by where the sensors stand in the room. Look first at the picture of ", el("b", {}, telling.sensor), ": the stack’s outlines at both poses differ by ",
         el("b", { title: "Percent of the pixels that show the stack at one pose or the other, but not at both" }, percent(telling.outlines_differ)),
-        telling.outlines_differ < 0.05 ? " only, so that a picture hardly tells." : ".") : "",
+        telling.outlines_differ < 0.05 ? " only, so a picture hardly shows which is right." : ".") : "",
       alternative.frames.map((other) => {
         const still = report.stills.find((part) => !alternative.placement || part.name === alternative.placement);
         const frame = still.frames.find((part) => part.sensor === other.sensor);
@@ -176,7 +176,7 @@ function fillAlternatives(report) {
   }
   const decided = alternatives.filter((alternative) => !open.includes(alternative));
   if (decided.length) {
-    $("alternative-list").append(el("p", { class: "muted" }, `${plural(decided.length, "set")} of poses that fit less well ${decided.length === 1 ? "is" : "are"} decided against, with odds from `,
+    $("alternative-list").append(el("p", { class: "muted" }, `${plural(decided.length, "set")} of poses that fit less well ${decided.length === 1 ? "was" : "were"} rejected, with odds from `,
       el("span", { title: "Odds, a ratio without unit, of the reported poses against the most probable of these sets" }, oddsWords(decided[0].log_odds)), " on; extrinsics.json has them."));
   }
 }
@@ -225,8 +225,8 @@ function fillPairs(report) {
       (pair) => ["rms", pair.rms_m / worst, "mm: root mean square distance between their points where they see the same surface", mm(pair.rms_m)]),
     el("p", { class: "muted" }, "Upper right: uncertainty of one sensor relative to the other (1 σ, worst direction), mm (blue). Lower left: distance expected between their points, mm (orange). "
       + "Compare with the table above: if the measured distance is much larger than the expected one, one of the two sensors is wrong."),
-    matrix("σ of the place of one sensor as the other has it, mm, above the diagonal; predicted RMS distance, mm, below",
-      (pair) => ["overlap", pair.sigma_m / open, `mm: one standard deviation of the place of one as the other has it; it is turned to ${fixed(pair.sigma_deg, 3)} deg`, mm(pair.sigma_m)],
+    matrix("σ of the place of one sensor relative to the other, mm, above the diagonal; predicted RMS distance, mm, below",
+      (pair) => ["overlap", pair.sigma_m / open, `mm: one standard deviation of the place of one sensor relative to the other; of its rotation: ${fixed(pair.sigma_deg, 3)} deg`, mm(pair.sigma_m)],
       (pair) => ["rms", pair.predicted_rms_m / worst, "mm: predicted root mean square distance between their points where they see the same surface", mm(pair.predicted_rms_m)]));
 }
 
@@ -239,17 +239,17 @@ function fillUncertainty(report) {
   const pm = (value, sigma, digits) => (known(value) ? `${fixed(value, digits)} ± ${fixed(sigma, digits)}` : NONE);
   const columns = [{ head: "Sensor", words: true, meaning: "Name in the capture", of: (s) => s.name },
     ...["x", "y", "z"].map((axis, k) => ({ head: `σ ${axis}`, unit: "mm", meaning: `one standard deviation of the sensor’s position along the structure’s ${axis}`, of: (s) => mm((positionSigma(s) || [])[k]) })),
-    { head: "σ position", unit: "mm", meaning: "one standard deviation of the sensor’s position in the direction in which it is known least, also as a bar", of: (s) => [mm(leastKnown(s)), " ", el("span", { class: "bar", style: `width: ${known(leastKnown(s)) ? (5 * leastKnown(s) / top).toFixed(2) : 0}rem` })] },
+    { head: "σ position", unit: "mm", meaning: "one standard deviation of the sensor’s position in its worst direction, also as a bar", of: (s) => [mm(leastKnown(s)), " ", el("span", { class: "bar", style: `width: ${known(leastKnown(s)) ? (5 * leastKnown(s) / top).toFixed(2) : 0}rem` })] },
     ...["x", "y", "z"].map((axis, k) => ({ head: `σ about ${axis}`, unit: "deg", meaning: `one standard deviation of its rotation about the structure’s ${axis}`, of: (s) => fixed((s.sigma_rotation_deg || [])[k], 3) })),
-    { head: "Depth offset", unit: "mm", meaning: "added to measured depths, ± standard deviation; 0 where the capture does not tell", of: (s) => pm(1000 * s.depth_offset_m, 1000 * s.sigma_depth_offset_m, 1) },
-    { head: "Depth gain", meaning: "factor of measured depths, without unit, ± standard deviation; 1 where the capture does not tell", of: (s) => pm(s.depth_gain, s.sigma_depth_gain, 4) }];
+    { head: "Depth offset", unit: "mm", meaning: "added to measured depths, ± standard deviation; 0 if the capture does not show it", of: (s) => pm(1000 * s.depth_offset_m, 1000 * s.sigma_depth_offset_m, 1) },
+    { head: "Depth gain", meaning: "factor of measured depths, without unit, ± standard deviation; 1 if the capture does not show it", of: (s) => pm(s.depth_gain, s.sigma_depth_gain, 4) }];
   $("uncertainty-table").append(
     el("p", { class: "muted" }, "Standard deviations (σ) of each sensor’s position and rotation in the structure’s frame: y is up. About two thirds of the errors are below one σ, "
-      + "most below two. They follow from the measurements’ noise and from what the other estimates leave open; errors that all sensors share are in them "
-      + "only as far as the statistical model knows of them."),
+      + "most below two. They follow from the noise of the measurements and from the uncertainty of the other estimates. Errors that all sensors share are "
+      + "included only if the statistical model contains them."),
     columnsTable("Standard deviations", columns, placed, (s) => s.name),
-    el("p", { class: "note" }, "Depth offset and gain: true depth = measured depth × gain + offset, ± standard deviation; 0 and 1 where the capture does not tell. The position’s are sigma_position_m of "
-      + "extrinsics.json; covariance there is that of a movement about the structure’s origin."));
+    el("p", { class: "note" }, "Depth offset and gain: true depth = measured depth × gain + offset, ± standard deviation; 0 and 1 if the capture does not show them. extrinsics.json has the σ of "
+      + "positions as sigma_position_m. Its covariance is that of a movement about the structure’s origin."));
   for (const sensor of placed) {
     if (sensor.unconstrained) $("uncertainty-table").append(el("p", {}, el("b", {}, sensor.name), ` is hardly constrained ${sensor.unconstrained.join("; ")}.`));
   }
@@ -258,7 +258,7 @@ function fillUncertainty(report) {
 function fillFound(report) {
   const { boxes = [], size, assembly, placements = [] } = report.extrinsics;
   const target = $("found-list");
-  if (assembly && !assembly.code) target.append(el("p", {}, `Assembly: ${sentence(assembly.sentence)} ${percent(assembly.overlap)} of what the sensors see of it overlaps with the boxes.`));
+  if (assembly && !assembly.code) target.append(el("p", {}, `Assembly: ${sentence(assembly.sentence)} ${percent(assembly.overlap)} of the stack as the sensors see it overlaps with these boxes.`));
   if (report.notes.length) target.append(el("ul", {}, report.notes.map((note) => el("li", {}, sentence(note)))));
   const stacks = placements.length > 1 ? placements : [{ boxes }];
   for (const { name, boxes: found } of stacks) {
@@ -278,14 +278,14 @@ function fillFound(report) {
   }
   const { metrics } = report.extrinsics;
   if (metrics && known(metrics.d1_m)) {
-    target.append(el("p", {}, "The paper’s d1 and d2: ", el("span", { title: "Millimetres: distances of all labelled points from the stack’s surface, as section 5 of the paper defines them. They compare methods, and have the sensors’ noise and mislabelled points in them: no errors of poses" },
-      `${mm(metrics.d1_m)} mm and ${mm(metrics.d2_m)} mm`), ", of all labelled points against the stack’s surface; they compare methods, and are no errors of poses."));
+    target.append(el("p", {}, "The paper’s d1 and d2: ", el("span", { title: "Millimetres: distances of all labelled points from the stack’s surface, as section 5 of the paper defines them. They compare methods. They contain the sensors’ noise and mislabelled points, so they are not errors of poses" },
+      `${mm(metrics.d1_m)} mm and ${mm(metrics.d2_m)} mm`), ", of all labelled points against the stack’s surface. They compare methods and are not errors of poses."));
   }
   if (size && size.estimated) target.append(el("p", {}, `The boxes are ${fixed(100 * size.scale, 2)} % of their nominal size (σ ${fixed(100 * size.sigma, 2)} %).`));
 }
 
 function solutionWords({ rounds, settled, converged, moved_m, moved_px }) {
-  return `${settled ? "settled" : "not settled"} after ${plural(rounds, "round")}: the last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " and did not converge"}, the last change of a lens pictures by up to ${fixed(moved_px, 1)} px`;
+  return `${settled ? "settled" : "not settled"} after ${plural(rounds, "round")}. The last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " without converging"}. The last change of a lens moved pictures by up to ${fixed(moved_px, 1)} px`;
 }
 
 function fillRun(report) {

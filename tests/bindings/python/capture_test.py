@@ -100,7 +100,7 @@ def test_a_transposed_image_is_named():
     camera = volalign.Intrinsics(640, 480, 600, 600, 320, 240)
     depth = depth_of(true_pose(0.5), camera)
     assert frame_of("A", depth, camera).depth.shape == (480, 640)
-    with pytest.raises(volalign.DataError, match=r"rows and columns exchanged; transpose the array"):
+    with pytest.raises(volalign.DataError, match=r"rows and columns exchanged. Transpose the array"):
         frame_of("A", depth.T, camera)
     # A principal point that is off, as sensors' own and cropped images have it.
     frame_of("A", depth, volalign.Intrinsics(640, 480, 600, 600, 300, 262))

@@ -215,7 +215,7 @@ TEST(OneUpForTheRig, WhatMayContradictTheOthersIsNotPlaced) {
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
     if (i < 2) {
       EXPECT_EQ(sensor.status, SensorStatus::kFailed) << sensor.name;
-      EXPECT_TRUE(Has(sensor.reason, "agrees with the other sensors"));
+      EXPECT_TRUE(Has(sensor.reason, "Nothing shows which is right"));
       EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
     } else {
       ExpectPlaced(sensor, 0.015, 0.2);
@@ -247,10 +247,10 @@ TEST(MirroredFrames, AllOfThemMayAlsoBeTheStack) {
   const CalibrationResult result = CalibrateRig(rig);
   for (const FrameResult& sensor : result.sensors) {
     EXPECT_EQ(sensor.code, SensorCode::kAssemblyMirrored) << sensor.reason;
-    EXPECT_TRUE(Has(sensor.hint, "if it is the stack", "if it is the frames"));
+    EXPECT_TRUE(Has(sensor.hint, "if only the stack is mirrored", "in the pictures"));
   }
   const std::string report = FormatReport(result);
-  const std::string sentence = ": that explains";
+  const std::string sentence = ": this explains";
   const std::size_t first = report.find(sentence);
   ASSERT_NE(first, std::string::npos) << report;
   EXPECT_EQ(report.find(sentence, first + 1), std::string::npos) << "said once for all\n" << report;

@@ -193,7 +193,7 @@ TEST(Weak, Uncertain) {
     const double sigma_mm = 1000 * LargestSigmaOfPosition(sensor);
     const double sigma_deg =
         std::sqrt(sensor.covariance.bottomRightCorner<3, 3>().operatorNorm()) * 180 / M_PI;
-    EXPECT_NEAR(NumberAfter(sensor.reason, "known to"), sigma_mm, 0.06) << sensor.reason;
+    EXPECT_NEAR(NumberAfter(sensor.reason, "uncertain:"), sigma_mm, 0.06) << sensor.reason;
     EXPECT_NEAR(NumberAfter(sensor.reason, "mm and"), sigma_deg, 0.006) << sensor.reason;
     EXPECT_GT(sensor.error->translation_m, 0.015) << "it is right to be unsure";
     EXPECT_LT(sensor.error->translation_m, 3e-3 * sigma_mm);
@@ -246,7 +246,7 @@ TEST(Weak, SamePose) {
         continue;
       }
       ExpectWeak(sensor, SensorCode::kSamePose);
-      const std::string other = i == 0 ? "S1 stands, to" : "S0 stands, to";
+      const std::string other = i == 0 ? "S1 stands, within" : "S0 stands, within";
       EXPECT_NEAR(NumberAfter(sensor.reason, other), 1000 * gap.translation_m, 0.06)
           << sensor.reason;
       EXPECT_NEAR(NumberAfter(sensor.reason, "mm and"), gap.rotation_deg, 0.006) << sensor.reason;

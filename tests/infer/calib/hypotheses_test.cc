@@ -70,7 +70,7 @@ TEST(Hypotheses, ASizeFarOffItsPriorMakesTheRigWeak) {
   const CalibrationResult result = CalibrateByShape(Scaled(Four().frames, 1.03f), Four().structure);
   const RigFinding* size = Find(result, RigCode::kSizeOff);
   ASSERT_NE(size, nullptr) << FormatReport(result);
-  EXPECT_TRUE(Has(size->reason, "size of all boxes comes out +"));
+  EXPECT_TRUE(Has(size->reason, "size of all boxes differs by +"));
   EXPECT_TRUE(Has(size->hint, "depth_scale"));
   EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
   EXPECT_TRUE(Has(FormatReport(result), "the rig is in doubt (size_off)"));

@@ -304,7 +304,7 @@ TEST_F(CaptureDraftTest, SaysWhichLensIsAssumedAndWhy) {
   CaptureDraftOptions options;
   options.depth_scale = 0.001;
   Draft(options);
-  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is taken as unknown", "no kind of sensor"));
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is unknown and will be estimated", "no kind of sensor"));
   EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
   EXPECT_TRUE(Mentions(draft_.found, "C: the lens is that of the distortion", ""));
   options.sensor = "azure_kinect_wfov_binned";

@@ -151,8 +151,8 @@ TEST(JoinStills, AFirstStillWithoutPosesIsTheReason) {
   stills.Join();
   for (const auto& [frame, finding] : stills.stood.contradicted) {
     EXPECT_EQ(finding.code, SensorCode::kUnconnected);
-    EXPECT_NE(finding.reason.find("no sensor is placed in still 0"), std::string::npos);
-    EXPECT_NE(finding.hint.find("give another capture first"), std::string::npos);
+    EXPECT_NE(finding.reason.find("no sensor was placed in still 0"), std::string::npos);
+    EXPECT_NE(finding.hint.find("name another capture first"), std::string::npos);
   }
   EXPECT_EQ(stills.stood.contradicted.size(), 4u);
 }

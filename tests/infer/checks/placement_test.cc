@@ -106,9 +106,8 @@ TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
     ASSERT_NE(finding, nullptr);
     EXPECT_EQ(finding->code, SensorCode::kAssemblyMirrored);
     EXPECT_EQ(finding->reason,
-              "the stack or the frames are mirrored: that explains 98 % of what the sensors see, "
-              "the stack as "
-              "described 70 %");
+              "the stack or the frames are mirrored: this explains 98 % of what the sensors see, "
+              "and the stack as described 70 %");
   }
 }
 

@@ -44,7 +44,7 @@ TEST(RigFindings, EveryQuantityBeyondThreeSigmasHasItsOwn) {
         Case{{Kind::kDepthOffset, 0, 0.03, 0.007, 0.001},
              RigCode::kDepthOff,
              {"S0"},
-             "where 7.0 mm are usual"}}) {
+             "differences of 7.0 mm are usual"}}) {
     RefineResult refined;
     refined.quantities = {c.quantity};
     const std::vector<RigFinding> findings = Explain(refined);
@@ -106,8 +106,7 @@ TEST(RigFindings, WhatStandsOnTheStackCoversIt) {
   const std::vector<RigFinding> findings = FindCovered({more}, 1.2);
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].about, std::vector<std::string>{"high"});
-  EXPECT_EQ(findings[0].reason.find("high/up should be seen by 2 sensors"), 0U)
-      << findings[0].reason;
+  EXPECT_EQ(findings[0].reason.find("2 sensors should see high/up"), 0U) << findings[0].reason;
 }
 
 // Sensors below the top do not see the upper side, but what stands on it.
@@ -129,8 +128,7 @@ TEST(RigFindings, PairsFarBeyondTheirPrediction) {
   const std::vector<RigFinding> findings = FindPairsApart(refined, {"S0", "S1"});
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].about, (std::vector<std::string>{"S0", "S1"}));
-  EXPECT_NE(findings[0].reason.find("14.4 mm RMS apart, and 3.6 mm are predicted"),
-            std::string::npos)
+  EXPECT_NE(findings[0].reason.find("14.4 mm RMS apart; 3.6 mm are predicted"), std::string::npos)
       << findings[0].reason;
 }
 
@@ -147,7 +145,7 @@ TEST(RigFindings, ASensorWhosePairsAreAllApart) {
   EXPECT_EQ(findings[0].about, std::vector<std::string>{"S0"});
   EXPECT_EQ(findings[0].reason,
             "where S0 and others see the same surface, their points are 1.6 to 2.1 times as far "
-            "apart as predicted, and those of others 0.7 times in the mean");
+            "apart as predicted. Points of other pairs are 0.7 times as far apart on average");
   // Three sensors: the one pair without the first may be good by chance.
   RefineResult three;
   three.pairs = {refined.pairs[0], refined.pairs[1], refined.pairs[3]};

@@ -52,7 +52,7 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        [](VerdictFacts* e) {
          e->seen_through = SeenThrough{1, "S2", 0.12, -std::log(500.0)};
        },
-       "it and S2 cannot both stand where they do: 12 %"},
+       "it and S2 cannot both be right: one of the two looks through 12 %"},
       {SensorCode::kAmbiguous, [](VerdictFacts* e) { e->other_pose = "upside down"; },
        "upside down"},
       {SensorCode::kByNeighbours,
@@ -155,7 +155,7 @@ TEST(FindDuplicates, NamesSensorsInOnePlaceWithOneDirection) {
   const auto duplicates = FindDuplicates({"A", "B", "C", "D"}, {a, near, turned, std::nullopt});
   ASSERT_TRUE(duplicates[0].has_value());
   EXPECT_EQ(duplicates[0]->code, SensorCode::kSamePose);
-  EXPECT_NE(duplicates[0]->reason.find("where B stands, to 19.0 mm"), std::string::npos)
+  EXPECT_NE(duplicates[0]->reason.find("where B stands, within 19.0 mm"), std::string::npos)
       << duplicates[0]->reason;
   ASSERT_TRUE(duplicates[1].has_value());
   EXPECT_NE(duplicates[1]->reason.find("where A stands"), std::string::npos);

@@ -71,14 +71,14 @@ TEST(VerifyOwnPose, EveryLimitCounts) {
     std::string words;
   };
   const std::vector<Case> cases = {
-      {SensorCode::kNoStructure, SeeThrough, "20 % of the structure's view is seen through"},
+      {SensorCode::kNoStructure, SeeThrough, "the sensor looks through 20 %"},
       {SensorCode::kNoStructure, NameOtherwise, "15 % of the labelled pixels lie on"},
       {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->confirmed.resize(2); },
        "2 sides were found"},
       {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->confirmed.resize(1); },
        "1 side was found"},
       {SensorCode::kDegenerateSides, [](LocateFacts* e) { e->sigma_position_m = 0.26; },
-       "open to 0.26 m"},
+       "only to 0.26 m"},
       {SensorCode::kDegenerateSides,
        [](LocateFacts* e) { e->sigma_position_m = std::numeric_limits<double>::quiet_NaN(); },
        "3 sides were found"},

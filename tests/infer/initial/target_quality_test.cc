@@ -59,7 +59,7 @@ TEST(TargetQuality, AStackWithoutThemIsGood) {
     EXPECT_LT(view.weakest_m, 0.03);
   }
   const std::string text = FormatTarget(structure, quality);
-  EXPECT_TRUE(Has(text, "good: every view has one pose"));
+  EXPECT_TRUE(Has(text, "good: every view fits one pose"));
   EXPECT_FALSE(Has(text, "let sensors see the floor"));
   EXPECT_FALSE(Has(TargetPicture(structure, quality), ">?</text>"));
 }

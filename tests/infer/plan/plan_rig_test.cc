@@ -60,9 +60,12 @@ TEST(PlanRig, SaysWhatEachSensorSees) {
                  {"S1", "S3", 0.4, 0.009, 0.002, Matrix6d::Identity(), 0.003, 0.1}};
   pairs.pairs.push_back({"S2", "S3"});
   EXPECT_TRUE(Has(FormatPlan(pairs),
-                  "of 3 pairs of sensors 2 overlap: expect their points at most "
-                  "5.0 mm RMS apart; relative to each other their places will "
-                  "be known to 6.0 mm (sigma) or better\n"));
+                  "of 3 pairs of sensors 2 overlap: expect their points to be at most "
+                  "5.0 mm RMS apart. The uncertainty of their places relative to each "
+                  "other will be 6.0 mm (one standard deviation) or less\n"));
+  RigPlan named = plan;
+  named.structure = Structure::FromBoxes("s", {Box::FromMinMax("a<b", {-1, -1, -1}, {1, 1, 1})});
+  EXPECT_TRUE(Has(PlanPicture(named), "<title>a&lt;b</title>"));
   const std::string picture = PlanPicture(plan);
   for (const char* name : {">S1<", ">S2<", ">S3<", ">not placed<", "1 m"})
     EXPECT_TRUE(Has(picture, name));

@@ -60,8 +60,9 @@ TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
         // Height; poses that are fixed, unique with the floor, and without it, %; sides; sigmas in
         // mm.
         "    1.00          75        75          50           3   6         4.0       5.0\n",
-        "poor: from 25 % of the places another pose looks the same, floor or not",
-        "poor: 25 % of the views fix no pose", "without it, 50 % of the views are like"}) {
+        "poor: from 25 % of the places another pose looks the same, with or without the floor",
+        "poor: 25 % of the views do not determine a pose",
+        "without it, 50 % of the views look like"}) {
     EXPECT_TRUE(Has(text, part)) << "\nis not in\n";
   }
   EXPECT_FALSE(Has(text, "good:"));
@@ -69,7 +70,7 @@ TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
 
 TEST(FormatTarget, SaysThatAStackIsGood) {
   const std::string text = FormatTarget(OneBox(), Good());
-  EXPECT_TRUE(Has(text, "The stack has no symmetries.", "good: every view has one pose"));
+  EXPECT_TRUE(Has(text, "The stack has no symmetries.", "good: every view fits one pose"));
   EXPECT_FALSE(Has(text, "poor:"));
 }
 

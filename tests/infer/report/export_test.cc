@@ -260,10 +260,11 @@ TEST_F(ExportTest, ReportHasOverlapAndRmsOfEachTwo) {
                  {"left", "back", 0.4, 0.003, 0.009, Matrix6d::Identity(), 0.007, 0.1},
                  {"right", "back"}};
   const std::string more = FormatReport(three);
-  EXPECT_TRUE(Has(more,
-                  "2 of 3 pairs of sensors overlap: their points are at most 4.0 mm RMS apart "
-                  "(5.0 predicted); relative to each other their places are known to 7.0 mm "
-                  "(sigma) or better\n"));
+  EXPECT_TRUE(
+      Has(more,
+          "2 of 3 pairs of sensors overlap: their points are at most 4.0 mm RMS apart "
+          "(5.0 predicted). The uncertainty of their places relative to each other is 7.0 mm "
+          "(one standard deviation) or less\n"));
 }
 
 TEST_F(ExportTest, TheFileSaysItsConventionAndKeepsIt) {
@@ -637,13 +638,13 @@ TEST_F(ExportTest, WhatIsSaidOfSeveralSensorsIsSaidOnce) {
   }
   const std::string report = FormatReport(result);
   const std::string together =
-      "left, blind are weak (large_residual): the same reason; a hint\n"
-      "right is weak (large_residual): another reason; a hint\n";
+      "left, blind are weak (large_residual): the same reason. What to do: a hint\n"
+      "right is weak (large_residual): another reason. What to do: a hint\n";
   EXPECT_TRUE(Has(report, together));
   EXPECT_EQ(report.find("the same reason"), report.rfind("the same reason"));
   result.sensors[1].status = SensorStatus::kFailed;
-  EXPECT_TRUE(
-      Has(FormatReport(result), "\nright failed (large_residual): another reason; a hint\n"));
+  EXPECT_TRUE(Has(FormatReport(result),
+                  "\nright failed (large_residual): another reason. What to do: a hint\n"));
 }
 
 }  // namespace

@@ -268,7 +268,7 @@ TEST(RigCheck, TwoRigsAreAnErrorAndUndecidedMovementsAreNotUpdated) {
     now.sensors[i].structure_from_sensor = Moved(0.1, 0.2) * *now.sensors[i].structure_from_sensor;
   const RigCheck check = CheckRig("last.json", last, now);
   EXPECT_TRUE(check.MovedBeyond(10, 10));
-  ExpectError<DataError>([&] { UpdateExtrinsics(last, now, check); }, {"cannot be told"});
+  ExpectError<DataError>([&] { UpdateExtrinsics(last, now, check); }, {"it is unknown which"});
 }
 
 TEST(RigCheck, SaysThatTwoSensorsAreExchanged) {

@@ -133,7 +133,7 @@ TEST(PlacedFromAbove, SaysDistanceAndHeightOfEachPlacedSensor) {
   const std::string svg = PlacedFromAbove({Seen("S1", structure, pose), failed}, structure);
   EXPECT_TRUE(Has(svg, "2.50 m, 1.25 m high"));
   EXPECT_TRUE(Has(svg, "at 90° from x towards z"));
-  EXPECT_TRUE(Has(svg, "known to"));
+  EXPECT_TRUE(Has(svg, "uncertainty"));
   EXPECT_TRUE(Has(svg, "ellipses: 2 standard deviations"));
   EXPECT_FALSE(Has(svg, "S2")) << "it has no pose";
 }
