@@ -82,7 +82,7 @@ class Results(WithACapture):
             sensor["prior"] = {"structure_from_sensor": truth[sensor["name"]], "sigma_m": 0.05, "sigma_deg": 3}
         capture["sensors"][1]["prior"]["structure_from_sensor"][0][3] += 1
         self.write("capture/known.json", json.dumps(capture))
-        self.expect(f"calibrate --capture capture/known.json {MODEL} -o out", 0, "the prior of B has it 1.00 m")
+        self.expect(f"calibrate --capture capture/known.json {MODEL} -o out", 0, "the prior of B is 1.00 m")
         result = self.json("out/extrinsics.json")
         self.assertEqual([result["sensors"][name]["prior_used"] for name in "AB"], [True, False])
         self.assertEqual([(finding["code"], finding["about"]) for finding in result["findings"]], [("prior_off", ["B"])])
