@@ -103,9 +103,10 @@ Command AddConvertCommand(CLI::App& program) {
                   "raw, for a program that corrects nothing")
       ->check(CLI::IsMember({"corrected", "raw"}))
       ->capture_default_str();
-  app->add_option("--frame", options->world.frame,
-                  "name of the world in ros, ros_launch and urdf, for example robot_base; without "
-                  "it, by --origin");
+  app->add_option(
+      "--frame", options->world.frame,
+      "names the world in ros, ros_launch and urdf, for example robot_base. Without it, --origin "
+      "names it");
   app->add_option(
          "--colour-camera", options->colour_cameras,
          "SENSOR=FILE: raw calibration JSON of that Azure Kinect. It says where the colour camera "
