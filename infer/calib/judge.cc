@@ -78,8 +78,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   const Pose& pose = *sensor->structure_from_sensor;
   static_cast<PoseQuality&>(*sensor) = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
-      labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose,
-      kLeastConfidence);
+      labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose);
   sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
                                                     joint.seen.capture->structure, sensor->initial)
                                            .rms_m;

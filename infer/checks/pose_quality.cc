@@ -59,11 +59,10 @@ std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideP
 
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
                            const std::vector<SidePatch>& patches, const Structure& structure,
-                           const Pose& structure_from_sensor, double min_confidence) {
+                           const Pose& structure_from_sensor) {
   const SurfaceFit fit = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
-  const Agreement agreement =
-      CompareWithView(view, segmentation, structure, structure_from_sensor, min_confidence,
-                      SurfaceTolerance::AtPose(view.errors));
+  const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
+                                              SurfaceTolerance::AtPose(view.errors));
   PoseQuality quality{{},
                       fit.points,
                       fit.rms_m,

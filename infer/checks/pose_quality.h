@@ -35,10 +35,9 @@ struct PoseQuality {
 };
 
 /// Measures a pose of `structure`. `view`: with corrected depths. `patches`: of the view's sides.
-/// Only labels with `min_confidence` count for label_iou.
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
                            const std::vector<SidePatch>& patches, const Structure& structure,
-                           const Pose& structure_from_sensor, double min_confidence);
+                           const Pose& structure_from_sensor);
 
 /// Labels of the patches that have at least half of their pixels on their side, ascending.
 std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SidePatch>& patches,

@@ -4,12 +4,13 @@
 
 #include "core/geometry/metrics.h"
 #include "core/geometry/visibility.h"
+#include "infer/initial/side_patch.h"
 
 namespace volalign {
 
 Agreement CompareWithView(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const Pose& structure_from_sensor,
-                          double min_confidence, const SurfaceTolerance& tolerance) {
+                          const SurfaceTolerance& tolerance) {
   const ExpectedView expected = CastView(structure, view.rays, structure_from_sensor);
   Agreement agreement;
   view.VisitMeasured(1, [&](int u, int v) {
@@ -17,7 +18,7 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
     const double tolerance_m = tolerance(measured);
     const double expected_m = expected.depth(u, v);
     const int predicted =
-        segmentation.confidence(u, v) >= min_confidence ? segmentation.labels(u, v) : 0;
+        segmentation.confidence(u, v) >= kLeastConfidence ? segmentation.labels(u, v) : 0;
     const bool labelled = predicted > 0 && predicted < structure.num_classes();
     bool explained = false;
     if (expected_m > 0) {

@@ -27,10 +27,11 @@ struct Agreement {
   static double Ratio(int a, int b) { return b > 0 ? static_cast<double>(a) / b : 0.0; }
 };
 
-/// `tolerance`: largest distance from the surface at which a point counts as explained.
+/// Labels below kLeastConfidence count for `miou` alone. `tolerance`: largest distance from the
+/// surface at which a point counts as explained.
 Agreement CompareWithView(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const Pose& structure_from_sensor,
-                          double min_confidence, const SurfaceTolerance& tolerance);
+                          const SurfaceTolerance& tolerance);
 
 /// Labels as seen from a pose. A pixel gets the label of the side that the structure shows there,
 /// with confidence 1, if its point lies within `tolerance` of that side. All others get 0. If the

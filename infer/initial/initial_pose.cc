@@ -25,7 +25,7 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   const SegmentationResult coarse_labels = Decimate(segmentation, stride);
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   const auto compare = [&](const Pose& pose) {
-    return CompareWithView(coarse, coarse_labels, structure, pose, kLeastConfidence, tolerance);
+    return CompareWithView(coarse, coarse_labels, structure, pose, tolerance);
   };
 
   const auto correct = [&](const SensorView& by, double max_distance_m, const Pose& pose) {

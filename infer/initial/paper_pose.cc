@@ -36,7 +36,7 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
   result.found = true;
   result.structure_from_sensor = AlignPoints(source, target).target_from_source;
   result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
-                                     kLeastConfidence, SurfaceTolerance::AtRoughPose(view.errors));
+                                     SurfaceTolerance::AtRoughPose(view.errors));
   return result;
 }
 

@@ -31,13 +31,12 @@ const double kMinVariance = std::pow(StepSigma() * kDepthStep, 2);
 /// Row-major pixel indices of each label, without components of fewer than `speck` pixels.
 std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
                                               const SegmentationResult& segmentation,
-                                              int num_classes, double min_confidence,
-                                              std::size_t speck) {
+                                              int num_classes, std::size_t speck) {
   const int width = view.width(), height = view.height();
   const auto usable = [&](int i) {
     const auto k = static_cast<std::size_t>(i);
     return segmentation.labels[k] > 0 && segmentation.labels[k] < num_classes &&
-           view.depth[k] > 0 && segmentation.confidence[k] >= min_confidence;
+           view.depth[k] > 0 && segmentation.confidence[k] >= kLeastConfidence;
   };
   std::vector<std::vector<int>> pixels(static_cast<std::size_t>(num_classes));
   std::vector<char> seen(view.depth.size(), 0);
@@ -194,9 +193,8 @@ SidePatch Describe(const SensorView& view, const SegmentationResult& segmentatio
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
                                       const Structure& structure) {
-  const std::vector<std::vector<int>> by_label =
-      ConnectedPixels(view, segmentation, structure.num_classes(), kLeastConfidence,
-                      static_cast<std::size_t>(kFewestSidePixels) / 2);
+  const std::vector<std::vector<int>> by_label = ConnectedPixels(
+      view, segmentation, structure.num_classes(), static_cast<std::size_t>(kFewestSidePixels) / 2);
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {

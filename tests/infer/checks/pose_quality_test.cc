@@ -69,14 +69,14 @@ TEST(MeasureQuality, IsOfThePoseThatItIsGiven) {
   const SensorView view = MakeSensorView(rendered.depth, intrinsics);
   const SegmentationResult labels = Certain(rendered.labels);
   const std::vector<SidePatch> patches = CollectPatches(view, labels, structure);
-  const PoseQuality right = MeasureQuality(view, labels, patches, structure, truth, 0.5);
+  const PoseQuality right = MeasureQuality(view, labels, patches, structure, truth);
   EXPECT_NEAR(right.miou, 1, 1e-9);
   EXPECT_NEAR(right.label_iou, 1, 1e-9);
   EXPECT_NEAR(right.explained_share, 1, 1e-9);
   EXPECT_EQ(right.sides.size(), patches.size());
   Pose wrong = truth;
   wrong.translation().y() += 0.1;
-  const PoseQuality off = MeasureQuality(view, labels, patches, structure, wrong, 0.5);
+  const PoseQuality off = MeasureQuality(view, labels, patches, structure, wrong);
   const ExpectedView seen = CastView(structure, view.rays, wrong);
   MiouOptions options;
   options.num_classes = structure.num_classes();

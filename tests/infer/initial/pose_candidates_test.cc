@@ -246,7 +246,7 @@ TEST(CompareWithView, CountsPixels) {
     segmentation.confidence(6, v) = 0.3f;
   }
   const Agreement agreement = CompareWithView(MakeSensorView(depth, Coarse()), segmentation, box,
-                                              Pose::Identity(), 0.5, kTolerance);
+                                              Pose::Identity(), kTolerance);
   EXPECT_EQ(agreement.visible, 90);     // columns 1 to 9
   EXPECT_EQ(agreement.explained, 70);   // 3 to 9
   EXPECT_EQ(agreement.same_label, 40);  // 3, 4, 8, 9
@@ -261,7 +261,7 @@ TEST(CompareWithView, CountsPixels) {
 TEST(CompareWithView, NothingMeasuredIsNoAgreement) {
   const Agreement agreement =
       CompareWithView(MakeSensorView(DepthImage(20, 10, 0.0f), Coarse()),
-                      Certain(LabelImage(20, 10, 1)), LeftBox(), Pose::Identity(), 0.5, kTolerance);
+                      Certain(LabelImage(20, 10, 1)), LeftBox(), Pose::Identity(), kTolerance);
   EXPECT_EQ(agreement.visible, 0);
   EXPECT_EQ(agreement.either, 0);
   EXPECT_EQ(agreement.score(), 0);
