@@ -27,8 +27,8 @@ struct Agreement {
   static double Ratio(int a, int b) { return b > 0 ? static_cast<double>(a) / b : 0.0; }
 };
 
-/// `tolerance`: largest distance from the surface at which a point counts as explained. Labels below
-/// kLeastConfidence count for `miou` alone.
+/// Labels below kLeastConfidence count for `miou` alone. `tolerance`: largest distance from the
+/// surface at which a point counts as explained.
 Agreement CompareWithView(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const Pose& structure_from_sensor,
                           const SurfaceTolerance& tolerance);
