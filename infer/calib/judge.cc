@@ -13,10 +13,10 @@
 
 #include "core/base/lists.h"
 #include "core/base/parallel_for.h"
-#include "infer/calib/combine_stills.h"
+#include "infer/calib/combine_captures.h"
+#include "infer/checks/free_space.h"
 #include "infer/checks/pose_quality.h"
 #include "infer/checks/rig_findings.h"
-#include "infer/checks/seen_through.h"
 
 namespace volalign {
 
@@ -69,8 +69,8 @@ std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
 
 /// Residuals, errors and status of a located frame at its reported pose.
 void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& suspect_lens,
-                const std::optional<SeenThrough>& seen_through, const CalibrateOptions& options,
-                FrameResult* sensor) {
+                const std::optional<SeenThrough>& free_space_violation,
+                const CalibrateOptions& options, FrameResult* sensor) {
   const SensorFrame& frame = (*joint.seen.capture)[id];
   const auto& located = std::get<LocatedFrame>(joint.located[id]);
   const Labelled& labelled = joint.seen.labelled[id];
@@ -90,14 +90,14 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   std::optional<ContradictedSensors> contradiction;
   if (sensor->together)
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
-  const std::optional<Finding> weakness =
-      FindWeakness({*sensor, pose, sensor->covariance, refined.problem, contradiction,
-                    joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
-                    located.by_neighbours, labelled.other_pose,
-                    labelled.alternatives.empty() ? 0 : labelled.alternatives.front().log_odds,
-                    labelled.floor_would_tell, seen_through, frame.quarter_turns != kAutoTurns,
-                    located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
-                   options.verdict);
+  const std::optional<Finding> weakness = FindWeakness(
+      {*sensor, pose, sensor->covariance, refined.problem, contradiction,
+       joint.seen.depths[id].same_depth_as, located.suspect_intrinsics, suspect_lens,
+       located.by_neighbours, labelled.other_pose,
+       labelled.alternatives.empty() ? 0 : labelled.alternatives.front().log_odds,
+       labelled.floor_would_tell, free_space_violation, frame.quarter_turns != kAutoTurns,
+       located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
+      options.verdict);
   sensor->status = SensorStatus::kOk;
   if (weakness) {
     SetFinding(SensorStatus::kWeak, *weakness, sensor);

@@ -88,13 +88,13 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                         : "let it see the floor under the structure, or give its quarter_turns") +
                        choose};
   }
-  if (facts.seen_through) {
+  if (facts.free_space_violation) {
     return Finding{
         SensorCode::kAmbiguous,
         fmt::format("it and {} cannot both be right: one of the two looks through {:.0f} % of the "
                     "points that the other measured beside the structure (odds {})",
-                    facts.seen_through->name, 100 * facts.seen_through->share,
-                    FormatOdds(facts.seen_through->log_odds)),
+                    facts.free_space_violation->name, 100 * facts.free_space_violation->share,
+                    FormatOdds(facts.free_space_violation->log_odds)),
         "compare the pictures in report.html with where the sensors stand, and choose another pose "
         "with --choose SENSOR=2. Or let both see more of the stack and the floor under it"};
   }

@@ -7,10 +7,10 @@
 #include "core/base/odds.h"
 #include "core/config/config.h"
 #include "core/geometry/pose.h"
+#include "infer/checks/free_space.h"
 #include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
-#include "infer/checks/seen_through.h"
 #include "infer/refine/refine.h"
 #include "infer/view/alike.h"
 
@@ -75,7 +75,7 @@ struct VerdictFacts {
   std::string other_pose;                            ///< Labelled::other_pose
   double log_odds = 0;                               ///< of the pose against that one, natural
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
-  std::optional<SeenThrough> seen_through;           ///< FindSeenThrough
+  std::optional<SeenThrough> free_space_violation;   ///< FindSeenThrough
   bool known_turns = false;                          ///< the capture gives its quarter_turns
   std::optional<double> shape_log_odds;              ///< LocatedFrame::shape_log_odds
   std::string unsettled;                             ///< last moves of the joint solution, or empty

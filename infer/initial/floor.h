@@ -5,7 +5,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/aliases.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 #include "infer/view/sensor_view.h"
 

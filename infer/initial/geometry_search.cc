@@ -11,13 +11,13 @@
 #include "core/base/lists.h"
 #include "core/base/odds.h"
 #include "core/base/stop.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/shape_check.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

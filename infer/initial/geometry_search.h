@@ -5,8 +5,8 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/oriented_points.h"
+#include "infer/initial/symmetries.h"
 #include "infer/initial/view_fit.h"
 #include "infer/view/sensor_view.h"
 

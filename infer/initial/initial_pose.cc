@@ -3,9 +3,9 @@
 #include <optional>
 
 #include "core/base/lists.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/paper_pose.h"
 #include "infer/initial/pose_candidates.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

@@ -4,9 +4,9 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/orientation_trials.h"
 #include "infer/initial/rig_choice.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/sensor_frame.h"
 
 namespace volalign {

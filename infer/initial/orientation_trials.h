@@ -6,10 +6,10 @@
 
 #include "core/base/stage_clock.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/orientation.h"
 #include "infer/initial/pose_hypotheses.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign::pose_internal {

@@ -8,7 +8,7 @@
 #include "core/base/lists.h"
 #include "core/geometry/procrustes.h"
 #include "core/geometry/visibility.h"
-#include "infer/initial/aliases.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

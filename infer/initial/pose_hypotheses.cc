@@ -6,9 +6,9 @@
 
 #include "infer/depth/explain_view.h"
 #include "infer/initial/agreement.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

@@ -5,8 +5,8 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/initial_pose.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 

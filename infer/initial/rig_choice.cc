@@ -12,8 +12,8 @@
 
 #include "core/base/odds.h"
 #include "infer/depth/measured_view.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/pose_priors.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

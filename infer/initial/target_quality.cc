@@ -9,9 +9,9 @@
 
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/side_patch.h"
 #include "infer/initial/sides_fix_pose.h"
+#include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
 
 namespace volalign {

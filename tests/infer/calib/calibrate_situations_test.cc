@@ -7,7 +7,7 @@
 #include <string>
 
 #include "infer/calib/calibrate.h"
-#include "infer/initial/aliases.h"
+#include "infer/initial/symmetries.h"
 #include "infer/report/report.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "infer/calib/combine_stills.h"
+#include "infer/calib/combine_captures.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 

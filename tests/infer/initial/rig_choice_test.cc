@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "core/base/odds.h"
-#include "infer/initial/aliases.h"
 #include "infer/initial/floor.h"
+#include "infer/initial/symmetries.h"
 #include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 

@@ -1,4 +1,4 @@
-#include "infer/checks/seen_through.h"
+#include "infer/checks/free_space.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "infer/initial/aliases.h"
+#include "infer/initial/symmetries.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "infer/initial/aliases.h"
+#include "infer/initial/symmetries.h"
 
 #include <fmt/format.h>
 

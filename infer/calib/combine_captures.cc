@@ -1,4 +1,4 @@
-#include "infer/calib/combine_stills.h"
+#include "infer/calib/combine_captures.h"
 
 #include <algorithm>
 #include <cmath>
