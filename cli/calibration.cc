@@ -96,7 +96,7 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
 }
 
 /// Gives each sensor that --prior names its pose there.
-void GivePriors(const CalibrationRequest& request, std::vector<Still>* stills) {
+void GivePriors(const CalibrationRequest& request, std::vector<Capture>* captures) {
   if (request.prior.empty()) return;
   PosePrior prior;
   prior.world = request.prior_scale == "free" ? PriorWorld::kScaleFree : PriorWorld::kMetric;
@@ -107,8 +107,8 @@ void GivePriors(const CalibrationRequest& request, std::vector<Still>* stills) {
   for (const SensorPose& pose : ReadPoses(request.prior, ParsePoseFormat(request.prior_from))) {
     names.push_back(pose.name);
     prior.world_from_sensor = pose.structure_from_sensor;
-    for (Still& still : *stills) {
-      for (SensorFrame& frame : still.frames) {
+    for (Capture& capture : *captures) {
+      for (SensorFrame& frame : capture.frames) {
         if (frame.name != pose.name) continue;
         frame.prior = prior;
         ++given;
@@ -126,10 +126,10 @@ void GivePriors(const CalibrationRequest& request, std::vector<Still>* stills) {
 /// --structure, else the captures' structure; none: the model's own serves. Throws ConfigError if
 /// captures name different ones.
 std::optional<Structure> GivenStructure(const CalibrationRequest& request,
-                                        const std::vector<Capture>& captures) {
+                                        const std::vector<CaptureFile>& captures) {
   if (!request.structure.empty()) return ReadStructure(request.structure);
   std::optional<Structure> structure;
-  for (const Capture& capture : captures) {
+  for (const CaptureFile& capture : captures) {
     if (!capture.structure) continue;
     Structure read = ReadStructure(*capture.structure);
     if (structure && structure->Hash() != read.Hash()) {
@@ -228,12 +228,12 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
   ProgressLine line;
   line.Begin("reading");
   const auto start = std::chrono::steady_clock::now();
-  std::vector<Capture> captures;
+  std::vector<CaptureFile> captures;
   for (const std::string& capture : request.captures) captures.push_back(ReadCapture(capture));
   std::optional<Structure> structure = GivenStructure(request, captures);
   Calibration out;
-  out.stills = StillsOf(std::move(captures));
-  GivePriors(request, &out.stills);
+  out.captures = NameCaptures(std::move(captures));
+  GivePriors(request, &out.captures);
   const Labeller labeller =
       ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
   NetworkSegmenter* const segmenter = labeller.network.get();
@@ -259,7 +259,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
     out.replaced = std::filesystem::exists(folder->dir() / "extrinsics.json", error);
   }
   out.result = Calibrate(
-      out.stills, out.structure, segmenter, config,
+      out.captures, out.structure, segmenter, config,
       [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
   if (!structure && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
     out.result.findings.insert(out.result.findings.begin(),
@@ -287,7 +287,7 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
     line.Begin(kWriting, ShareDone(kWriting, segmenter != nullptr));
     WriteFileAtomically(folder->draft() / "options.yaml", out.options);
     SaveCommand(folder->draft());
-    WriteCalibration(*folder, out.result, out.stills, out.structure, out.source,
+    WriteCalibration(*folder, out.result, out.captures, out.structure, out.source,
                      request.no_report ? std::nullopt : std::optional(report));
   }
   line.Stop();

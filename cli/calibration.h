@@ -35,7 +35,7 @@ struct CalibrationRequest {
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request);
 
 struct Calibration {
-  std::vector<Still> stills;
+  std::vector<Capture> captures;
   Structure structure;
   CalibrationResult result;
   ExtrinsicsSource source;

@@ -56,7 +56,7 @@ Compared Compare(Comparison comparison) {
   request.last_structure = out.last.structure;
   const Calibration now =
       RunCalibration(request, [&](const Calibration& calibration, ReportRun* report) {
-        out.now = MakeExtrinsics(calibration.result, calibration.stills, calibration.structure,
+        out.now = MakeExtrinsics(calibration.result, calibration.captures, calibration.structure,
                                  calibration.source);
         out.check = CheckRig(comparison.last, out.last, out.now, comparison.movement);
         report->check = RigCheckText(out.check, "check.json");

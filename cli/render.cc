@@ -96,16 +96,17 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
 
 /// Writes each of several captures as a capture of its own into `draft`, which becomes `output`,
 /// and adds a row for each frame to `table`. Returns the names of the captures.
-std::vector<std::string> WriteStills(const std::filesystem::path& draft, const std::string& output,
-                                     const std::vector<RigCapture>& stills,
-                                     const std::string& renderer, Table* table) {
+std::vector<std::string> WriteCaptures(const std::filesystem::path& draft,
+                                       const std::string& output,
+                                       const std::vector<RigCapture>& captures,
+                                       const std::string& renderer, Table* table) {
   std::vector<std::string> written;
-  for (std::size_t k = 0; k < stills.size(); ++k) {
-    const std::string name = stills.size() > 1 ? fmt::format("placement_{}", k + 1) : "";
-    WriteCapture(draft / name, stills[k], renderer);
+  for (std::size_t k = 0; k < captures.size(); ++k) {
+    const std::string name = captures.size() > 1 ? fmt::format("placement_{}", k + 1) : "";
+    WriteCapture(draft / name, captures[k], renderer);
     const std::string capture = (std::filesystem::path(output) / name / "capture.json").string();
     written.push_back(capture);
-    for (const CapturedSensor& sensor : stills[k].sensors) {
+    for (const CapturedSensor& sensor : captures[k].sensors) {
       const Eigen::Vector3d p = sensor.structure_from_sensor.translation();
       const auto on_stack = std::count_if(sensor.labels.begin(), sensor.labels.end(),
                                           [](std::uint8_t label) { return label > 0; });
@@ -155,11 +156,11 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source,
       draft /= fmt::format("turn_{}", k + 1);
       output /= draft.filename();
     }
-    const std::vector<RigCapture> stills =
+    const std::vector<RigCapture> captures =
         RenderPlacements(turns[k], *renderer, nullptr, line.Counter("frames" + of));
     WriteFileAtomically(draft / "rig.yaml", WriteConfig(turns[k]));
     for (const std::string& capture :
-         WriteStills(draft, output.string(), stills, renderers.description, &table)) {
+         WriteCaptures(draft, output.string(), captures, renderers.description, &table)) {
       written.push_back(capture);
     }
   }

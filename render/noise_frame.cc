@@ -19,7 +19,7 @@ void AddFrameErrors(const NoiseInput& input, RandomStream random, NoisyView* noi
   const double gain = random.Normal(0, model.gain);
   FrameErrorVector errors = FrameErrorSigmas(model);
   for (double& error : errors) error *= random.Normal();
-  errors[kBounced] = random.Uniform(0, 2 * model.bounce_m);
+  errors[kDiffuseMultipath] = random.Uniform(0, 2 * model.bounce_m);
   const Pose& pose = input.structure_from_sensor;
   const Side floor = FloorOf(input.structure);
   const Subpixels bulging(input);
@@ -33,10 +33,10 @@ void AddFrameErrors(const NoiseInput& input, RandomStream random, NoisyView* noi
     const int label = input.view.labels[i];
     const bool on_floor =
         face.normal.y() > kLevel && std::abs(face.offset - floor.centre.y()) < kFloorThickness;
-    if (errors[kBounced] != 0 && (label != 0 || on_floor)) {
-      at[kBounced] =
-          BouncedShare(input.structure, label == 0 ? floor : input.structure.SideOfLabel(label),
-                       pose * p, pose.translation(), model.bounce_reach_m);
+    if (errors[kDiffuseMultipath] != 0 && (label != 0 || on_floor)) {
+      at[kDiffuseMultipath] = DiffuseMultipathShare(
+          input.structure, label == 0 ? floor : input.structure.SideOfLabel(label), pose * p,
+          pose.translation(), model.bounce_reach_m);
     }
     const Eigen::Vector3f ray = input.view.rays->rays[i].homogeneous();
     depth += static_cast<float>(gain * depth + errors.dot(at)) + bulging.Depth(index, ray) -

@@ -34,7 +34,7 @@ constexpr int kScatterCell = 8;  // px
 // least share of direct light to count. Surfaces are not all matt, and the lamp does not light all
 // of the view. So a share is used with which the sides of the lowest box lean by 8 to 17 mm, as in
 // real frames (docs/sensor-models.md).
-constexpr double kBounced[2] = {0.1, 0.4};
+constexpr double kDiffuseMultipath[2] = {0.1, 0.4};
 constexpr int kPatch = 8, kBounceStep = 4;
 constexpr float kLeastBounce = 2e-5F;
 constexpr double kLeastAmplitude[2] = {0.001, 0.004};  // reflectivity cos / m^2, log-uniform
@@ -65,7 +65,7 @@ struct Device {
       : offset(random.Normal(0, kOffset)),
         wiggling(random.Normal(0, kWiggling)),
         wiggling_phase(random.Uniform(0, 2 * M_PI)),
-        bounced(Draw(kBounced, random)),
+        bounced(Draw(kDiffuseMultipath, random)),
         scattered(Draw(kScattered, random)),
         scatter_reach(Draw(kScatterReach, random)),
         least_amplitude(

@@ -25,7 +25,7 @@ namespace {
 constexpr std::uint64_t kRigIndex = std::uint64_t{1} << 62;
 
 // Distance between the draws of two captures, larger than any number of sensors.
-constexpr std::uint64_t kStillStride = std::uint64_t{1} << 32;
+constexpr std::uint64_t kCaptureStride = std::uint64_t{1} << 32;
 
 constexpr double kSpreadRadius = 0.6;  // on the plane z = 1: the sides of an Azure Kinect's image
 
@@ -68,7 +68,7 @@ std::vector<BuiltPlacement> BuildPlacements(const Rig& rig, const Structure& nom
   const AssembledStructure first = all[0].built;
   for (std::size_t k = 0; k < rig.placements.size(); ++k) {
     AssembledStructure built = Assemble(nominal, rig.assembly, rig.seed,
-                                        kRigIndex + (k + 1) * kStillStride, first.size_scale);
+                                        kRigIndex + (k + 1) * kCaptureStride, first.size_scale);
     // Placements lie on the room's floor, which may be tilted against the structure.
     const Pose first_from_placement = first.structure_from_room *
                                       FirstFromPlacement(rig.placements[k]) *
@@ -194,20 +194,20 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   std::vector<CapturedSensor> devices;
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) devices.push_back(Device(rig, i, pool));
   AppendBoards(rig, placements[0].built.structure, devices, &scene);
-  std::vector<RigCapture> stills;
+  std::vector<RigCapture> captures;
   for (const BuiltPlacement& placement : placements) {
-    stills.push_back({nominal,
-                      rig.structure_present,
-                      placement.first_from_placement,
-                      placement.built.box_offsets,
-                      placement.built.size_scale,
-                      {}});
+    captures.push_back({nominal,
+                        rig.structure_present,
+                        placement.first_from_placement,
+                        placement.built.box_offsets,
+                        placement.built.size_scale,
+                        {}});
   }
 
   NoiseConfig noise;
   noise.models = {rig.noise};
   std::int64_t frames = 0;
-  const auto frames_of_all = static_cast<std::int64_t>(rig.sensors.size() * stills.size());
+  const auto frames_of_all = static_cast<std::int64_t>(rig.sensors.size() * captures.size());
   if (count) count(frames, frames_of_all);
   for (std::size_t i = 0; i < rig.sensors.size(); ++i) {
     const CapturedSensor& device = devices[i];
@@ -216,7 +216,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
     for (std::size_t other = 0; rig.room && rig.tripods && other < rig.sensors.size(); ++other) {
       if (other != i) AppendTripod(scene.first_from_sensors[other], scene.floor, &around);
     }
-    for (std::size_t k = 0; k < stills.size(); ++k) {
+    for (std::size_t k = 0; k < captures.size(); ++k) {
       const Structure& built = placements[k].built.structure;
       const Pose placement_from_first = placements[k].first_from_placement.inverse();
       const SceneMesh mesh = k == 0 ? around : MoveStructure(around, built, placement_from_first);
@@ -229,12 +229,12 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       const NoiseInput input = {
           view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor};
       NoisyView noisy =
-          ApplyNoise(noise, input, rig.seed, kRigIndex + k * kStillStride + i, &errors);
+          ApplyNoise(noise, input, rig.seed, kRigIndex + k * kCaptureStride + i, &errors);
       if (rig.noise == "sensor") {
-        AddFrameErrors(input, {rig.seed, kRigIndex + (redrawn ? k : 0) * kStillStride + i, "frame"},
-                       &noisy);
+        AddFrameErrors(
+            input, {rig.seed, kRigIndex + (redrawn ? k : 0) * kCaptureStride + i, "frame"}, &noisy);
       }
-      LosePixels(rig.missing_share, rig.seed, kRigIndex + k * kStillStride + i, &noisy);
+      LosePixels(rig.missing_share, rig.seed, kRigIndex + k * kCaptureStride + i, &noisy);
       sensor.depth = std::move(noisy.depth);
       sensor.labels = std::move(noisy.labels);
       sensor.depth_clean = std::move(view.depth);
@@ -243,13 +243,13 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
         sensor.infrared_intrinsics = InfraredIntrinsics(sensor, pool);
         sensor.infrared = RenderInfrared(mesh, built, infrared->prints, sensor.infrared_intrinsics,
                                          sensor.structure_from_sensor, infrared->config, renderer,
-                                         rig.seed, kRigIndex + k * kStillStride + i);
+                                         rig.seed, kRigIndex + k * kCaptureStride + i);
       }
-      stills[k].sensors.push_back(std::move(sensor));
+      captures[k].sensors.push_back(std::move(sensor));
       if (count) count(++frames, frames_of_all);
     }
   }
-  return stills;
+  return captures;
 }
 
 std::vector<RigPlacement> DrawPlacements(const Rig& rig, int count, double radius_m) {

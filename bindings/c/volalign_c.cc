@@ -28,8 +28,8 @@
 
 struct volalign_capture {
   std::optional<volalign::Structure> structure;
-  std::vector<volalign::Still> stills;
-  std::vector<std::string> files;  // of each still
+  std::vector<volalign::Capture> captures;
+  std::vector<std::string> files;  // of each capture
 };
 
 struct volalign_options {
@@ -45,7 +45,7 @@ struct volalign_model {
 
 struct volalign_result {
   volalign::CalibrationResult calibration;
-  std::vector<volalign::Still> stills;
+  std::vector<volalign::Capture> captures;
   volalign::Structure structure;
   volalign::ExtrinsicsSource source;
   std::string options, json;
@@ -180,12 +180,12 @@ volalign_code Created(T** handle, const Make& make) noexcept {
   });
 }
 
-const std::vector<volalign::FrameResult>& FramesOf(const volalign_result& result, int still) {
-  const auto& stills = result.calibration.stills;
-  Require(still >= 0 && still < std::max(1, static_cast<int>(stills.size())),
-          "there is no still of this number");
-  return stills.empty() ? result.calibration.sensors
-                        : stills[static_cast<std::size_t>(still)].sensors;
+const std::vector<volalign::FrameResult>& FramesOf(const volalign_result& result, int capture) {
+  const auto& captures = result.calibration.captures;
+  Require(capture >= 0 && capture < std::max(1, static_cast<int>(captures.size())),
+          "there is no capture of this number");
+  return captures.empty() ? result.calibration.sensors
+                          : captures[static_cast<std::size_t>(capture)].sensors;
 }
 
 const volalign::FrameResult& SensorOf(const volalign_result* result, int index) {
@@ -216,7 +216,7 @@ volalign_code volalign_capture_create(const char* structure, volalign_capture** 
   return Created(capture, [&](volalign_capture* made) {
     Require(structure, "structure is NULL");
     made->structure = volalign::ReadStructure(volalign::FindInputFile(PathOf(structure)));
-    made->stills.emplace_back();
+    made->captures.emplace_back();
     made->files.emplace_back("memory");
   });
 }
@@ -225,14 +225,14 @@ volalign_code volalign_capture_read(const char* path, const char* structure,
                                     volalign_capture** capture) {
   return Created(capture, [&](volalign_capture* made) {
     Require(path, "path is NULL");
-    volalign::Capture read = volalign::ReadCapture(PathOf(path));
+    volalign::CaptureFile read = volalign::ReadCapture(PathOf(path));
     if (structure) {
       made->structure = volalign::ReadStructure(volalign::FindInputFile(PathOf(structure)));
     } else if (read.structure) {
       made->structure = volalign::ReadStructure(*read.structure);
     }
     made->files.emplace_back(path);
-    made->stills = volalign::StillsOf({std::move(read)});
+    made->captures = volalign::NameCaptures({std::move(read)});
   });
 }
 
@@ -241,16 +241,16 @@ void volalign_capture_free(volalign_capture* capture) { delete capture; }
 volalign_code volalign_capture_add(volalign_capture* capture, const volalign_frame* frame) {
   return Guard([&] {
     Require(capture && frame, "capture or frame is NULL");
-    capture->stills.back().frames.push_back(FrameOf(*frame));
+    capture->captures.back().frames.push_back(FrameOf(*frame));
   });
 }
 
 volalign_code volalign_capture_next_still(volalign_capture* capture) {
   return Guard([&] {
     Require(capture, "capture is NULL");
-    const std::size_t number = capture->stills.size() + 1;
-    if (number == 2) capture->stills.front().name = "still_1";
-    capture->stills.push_back({"still_" + std::to_string(number), {}});
+    const std::size_t number = capture->captures.size() + 1;
+    if (number == 2) capture->captures.front().name = "still_1";
+    capture->captures.push_back({"still_" + std::to_string(number), {}});
     capture->files.emplace_back("memory");
   });
 }
@@ -290,8 +290,8 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
                                  void* user, volalign_result** result) {
   return Created(result, [&](volalign_result* made) {
     Require(capture, "capture is NULL");
-    for (const volalign::Still& still : capture->stills) {
-      if (still.frames.empty()) throw DataError("the capture has a still without a frame");
+    for (const volalign::Capture& each : capture->captures) {
+      if (each.frames.empty()) throw DataError("the capture has a placement without a frame");
     }
     const volalign::CalibrateOptions values =
         options ? options->values : volalign::CalibrateOptions();
@@ -300,7 +300,7 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
       throw ConfigError("neither the capture nor a model has a structure; give its file");
     }
     made->structure = capture->structure ? *capture->structure : segmenter->structure();
-    made->stills = capture->stills;
+    made->captures = capture->captures;
     made->source.captures = capture->files;
     if (segmenter) {
       made->source.model_file = segmenter->file();
@@ -309,16 +309,17 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     }
     made->options = volalign::WriteConfig(values);
     made->calibration = volalign::Calibrate(
-        made->stills, made->structure, segmenter, values, [&](const std::string& stage) {
+        made->captures, made->structure, segmenter, values, [&](const std::string& stage) {
           if (progress && progress(stage.c_str(), user) != 0)
             throw Stopped("the calibration was stopped before: " + stage);
         });
     for (const volalign::RigFinding& finding : made->calibration.findings)
       made->about.push_back(fmt::format("{}", fmt::join(finding.about, "\n")));
-    made->json = volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->calibration, made->stills,
-                                                                   made->structure, made->source),
-                                          "result")
-                     .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+    made->json =
+        volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->calibration, made->captures,
+                                                          made->structure, made->source),
+                                 "result")
+            .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   });
 }
 
@@ -377,19 +378,19 @@ volalign_code volalign_result_finding(const volalign_result* result, int index,
   });
 }
 
-volalign_code volalign_result_labels(const volalign_result* result, int index, int still,
+volalign_code volalign_result_labels(const volalign_result* result, int index, int capture,
                                      std::uint8_t* labels, std::size_t size) {
   return Guard([&] {
     const std::string& name = SensorOf(result, index).name;
     Require(labels, "labels is NULL");
-    for (const volalign::FrameResult& frame : FramesOf(*result, still)) {
+    for (const volalign::FrameResult& frame : FramesOf(*result, capture)) {
       if (frame.name != name) continue;
       const volalign::LabelImage& image = frame.segmentation.labels;
       Require(size == image.size(), "size is not the frame's width * height");
       std::copy(image.begin(), image.end(), labels);
       return;
     }
-    throw InvalidArgument("the sensor is not in this still");
+    throw InvalidArgument("the sensor is not in this capture");
   });
 }
 
@@ -405,7 +406,7 @@ volalign_code volalign_result_save(const volalign_result* result, const char* fo
     volalign::WriteFileAtomically(out.draft() / "options.yaml", result->options);
     std::optional<volalign::ReportRun> report;
     if (with_report) report = volalign::ReportRun{"libvolalign_c", result->options};
-    volalign::WriteCalibration(out, result->calibration, result->stills, result->structure,
+    volalign::WriteCalibration(out, result->calibration, result->captures, result->structure,
                                result->source, report);
   });
 }

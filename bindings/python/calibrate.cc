@@ -79,10 +79,10 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
         "structure=");
   }
   auto calibrated = std::make_shared<Calibrated>();
-  std::vector<Capture> read;
+  std::vector<CaptureFile> read;
   for (NamedCapture& capture : captures) {
     calibrated->source.captures.push_back(capture.capture.path.string());
-    // StillsOf takes a name without its ending.
+    // NameCaptures takes a name without its ending.
     if (capture.in_memory) capture.capture.path += ".";
     read.push_back(std::move(capture.capture));
   }
@@ -98,9 +98,9 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
     calibrated->source.model_runtime = segmenter->runtime();
   }
   RunWork(arguments.progress, [&](const Tell& tell) {
-    calibrated->stills = StillsOf(std::move(read));
+    calibrated->captures = NameCaptures(std::move(read));
     calibrated->result =
-        Calibrate(calibrated->stills, calibrated->structure, segmenter.get(), options, tell);
+        Calibrate(calibrated->captures, calibrated->structure, segmenter.get(), options, tell);
   });
   return calibrated;
 }

@@ -14,7 +14,7 @@ namespace volalign::python {
 
 /// A capture whose structure may be in memory, too. One from memory has its name as path.
 struct NamedCapture {
-  Capture capture;
+  CaptureFile capture;
   std::optional<Structure> structure;  ///< else capture.structure, a path
   bool in_memory = false;
 

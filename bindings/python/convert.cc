@@ -47,8 +47,8 @@ std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
                       sensor.depth_gain,
                       sensor.depth_offset_m});
   }
-  for (const Still& still : calibrated.stills) {
-    for (const SensorFrame& frame : still.frames) {
+  for (const Capture& capture : calibrated.captures) {
+    for (const SensorFrame& frame : capture.frames) {
       const auto pose = std::find_if(list.begin(), list.end(),
                                      [&](const SensorPose& one) { return one.name == frame.name; });
       if (pose != list.end() && frame.colour) pose->colour = frame.colour;

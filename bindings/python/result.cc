@@ -30,7 +30,7 @@ struct PartOf {
   const T* operator->() const { return part; }
 };
 using SensorPart = PartOf<FrameResult>;
-using StillPart = PartOf<StillResult>;
+using CapturePart = PartOf<CaptureResult>;
 struct BoxPart : PartOf<RefinedBox> {
   std::string name;
 };
@@ -201,22 +201,25 @@ void AddStack(py::module_& module) {
   box.def_property_readonly("sigma_yaw_deg",
                             [](const BoxPart& b) { return kDegrees * b->sigma_yaw; });
 
-  py::class_<StillPart> still(module, "StillResult",
-                              "One of several captures; poses are in the structure where it stood "
-                              "then.");
-  AddMember(&still, "name", &StillResult::name);
-  still
+  py::class_<CapturePart> capture(
+      module, "StillResult",
+      "One of several captures; poses are in the structure where it stood "
+      "then.");
+  AddMember(&capture, "name", &CaptureResult::name);
+  capture
       .def_property_readonly(
           "first_from_placement",
-          [](const StillPart& s) { return ArrayOf(s->first_from_placement); },
+          [](const CapturePart& s) { return ArrayOf(s->first_from_placement); },
           "(4, 4) float64: where the structure stood, in the structure frame of the first.")
       .def_property_readonly(
-          "covariance", [](const StillPart& s) { return ArrayOf(Eigen::MatrixXd(s->covariance)); },
+          "covariance",
+          [](const CapturePart& s) { return ArrayOf(Eigen::MatrixXd(s->covariance)); },
           "(6, 6) float64, as a sensor's; zero of the first.")
       .def_property_readonly("sensors",
-                             [](const StillPart& s) { return SensorsOf(s.whole, *s.part); })
-      .def_property_readonly("boxes", [](const StillPart& s) { return BoxesOf(s.whole, *s.part); })
-      .def_property_readonly("built", [](const StillPart& s) { return s->built; });
+                             [](const CapturePart& s) { return SensorsOf(s.whole, *s.part); })
+      .def_property_readonly("boxes",
+                             [](const CapturePart& s) { return BoxesOf(s.whole, *s.part); })
+      .def_property_readonly("built", [](const CapturePart& s) { return s->built; });
 }
 
 py::object ToDict(const Calibrated& calibrated) {
@@ -230,7 +233,7 @@ void Save(const Calibrated& c, const Path& folder, bool report) {
   RunWork(py::none(), [&](const Tell&) {
     const ResultFolder written(path);
     WriteFileAtomically(written.draft() / "options.yaml", c.options);
-    WriteCalibration(written, c.result, c.stills, c.structure, c.source, run);
+    WriteCalibration(written, c.result, c.captures, c.structure, c.source, run);
   });
 }
 
@@ -238,7 +241,7 @@ void SaveReport(const Calibrated& c, const Path& file) {
   const std::string path = PathOf(file);
   const ReportRun run{PythonCommand(), c.options};
   RunWork(py::none(), [&](const Tell&) {
-    WriteReportPage(path, c.result, c.stills, c.structure, c.source, run);
+    WriteReportPage(path, c.result, c.captures, c.structure, c.source, run);
   });
 }
 
@@ -275,9 +278,10 @@ void AddResult(py::module_& module) {
       .def_property_readonly(
           "stills",
           [](const Whole& c) {
-            std::vector<StillPart> stills;
-            for (const StillResult& still : c->result.stills) stills.push_back({c, &still});
-            return stills;
+            std::vector<CapturePart> captures;
+            for (const CaptureResult& capture : c->result.captures)
+              captures.push_back({c, &capture});
+            return captures;
           },
           "StillResult of each of several captures; empty of a single one.")
       .def_property_readonly(

@@ -15,14 +15,14 @@ namespace volalign::python {
 
 /// A calibration with all that its files are written from: Python's Result.
 struct Calibrated {
-  std::vector<Still> stills;
+  std::vector<Capture> captures;
   Structure structure;
   CalibrationResult result;
   ExtrinsicsSource source;
   std::string options;  ///< all of them, YAML
 
   Extrinsics MakeExtrinsics() const {
-    return volalign::MakeExtrinsics(result, stills, structure, source);
+    return volalign::MakeExtrinsics(result, captures, structure, source);
   }
 };
 

@@ -165,12 +165,12 @@ void AddBoxes(py::module_& module) {
 }
 
 void AddTarget(py::module_& module) {
-  py::class_<TargetAlias>(module, "TargetAlias",
-                          "A motion of the stack that moves boxes onto boxes.")
-      .def_readonly("motion", &TargetAlias::motion)
-      .def_readonly("boxes", &TargetAlias::boxes)
-      .def_readonly("all", &TargetAlias::all)
-      .def_readonly("floor_tells", &TargetAlias::floor_tells);
+  py::class_<TargetSymmetry>(module, "TargetSymmetry",
+                             "A motion of the stack that moves boxes onto boxes.")
+      .def_readonly("motion", &TargetSymmetry::motion)
+      .def_readonly("boxes", &TargetSymmetry::boxes)
+      .def_readonly("all", &TargetSymmetry::all)
+      .def_readonly("floor_tells", &TargetSymmetry::floor_tells);
   py::class_<TargetView>(module, "TargetView", "The view of a structure that a sensor would have.")
       .def_readonly("phi_deg", &TargetView::phi_deg)
       .def_readonly("height_m", &TargetView::height_m)
@@ -179,7 +179,7 @@ void AddTarget(py::module_& module) {
       .def_readonly("weakest_m", &TargetView::weakest_m)
       .def_readonly("look_alike", &TargetView::look_alike);
   py::class_<Target>(module, "Target", "How good a target a structure is; str() is a report.")
-      .def_property_readonly("aliases", [](const Target& t) { return t.quality.aliases; })
+      .def_property_readonly("aliases", [](const Target& t) { return t.quality.symmetries; })
       .def_property_readonly("views", [](const Target& t) { return t.quality.views; })
       .def("_repr_svg_", [](const Target& t) { return TargetPicture(t.structure, t.quality); })
       .def(

@@ -22,8 +22,8 @@ struct DepthErrorModel {
   double tilt_m = 0;
   double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
   double shear_m = 0;  ///< the same, of surfaces whose picture is sheared (FrameErrorsAt)
-  /// Mean error from light that comes by the floor or by another box (BouncedShare). The error is
-  /// distributed evenly from 0 to twice the mean.
+  /// Mean error from light that comes by the floor or by another box (DiffuseMultipathShare). The
+  /// error is distributed evenly from 0 to twice the mean.
   double bounce_m = 0;
   double bounce_reach_m = 0;  ///< distance from the floor at which bounce_m is largest
   double seam_m = 0;          ///< in a concave corner, from where it falls linearly

@@ -70,8 +70,8 @@ Side FloorOf(const Structure& structure) {
   return floor;
 }
 
-double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
-                    const Eigen::Vector3d& eye, double reach) {
+double DiffuseMultipathShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                             const Eigen::Vector3d& eye, double reach) {
   double bounced = 0;
   ForEachSeam(structure, side, q, [&](const Eigen::Vector3d& nearest, double share) {
     const double distance = (q - nearest).norm();

@@ -15,7 +15,7 @@ inline constexpr double kGrazing = 0.1;
 
 /// Tilts of the depth along rows and along columns, its twist, shear, and multipath
 /// (DepthErrorModel::tilt_m, twist_m, shear_m, bounce_m), each divided by its unit.
-enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kBounced, kFrameErrors };
+enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kDiffuseMultipath, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
 /// Root mean squares of these errors. Multipath is distributed evenly from 0 to twice its mean.
@@ -27,9 +27,9 @@ inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
 }
 
 /// Derivative, m, of the depth of a point p on a surface with this normal by each of them; sensor
-/// frame. It is 0 for multipath, see BouncedShare. Shear: rows of a stereo pair that miss each
-/// other by d are matched with a shift of d S_xy / S_xx along them. S is the structure tensor of
-/// the picture. For a texture without direction, it is the first fundamental form of the surface
+/// frame. It is 0 for multipath, see DiffuseMultipathShare. Shear: rows of a stereo pair that miss
+/// each other by d are matched with a shift of d S_xy / S_xx along them. S is the structure tensor
+/// of the picture. For a texture without direction, it is the first fundamental form of the surface
 /// over the picture.
 FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vector3d& p,
                                const Eigen::Vector3d& normal);
@@ -49,7 +49,7 @@ Side FloorOf(const Structure& structure);
 /// surface is lit at `reach` before the side. The sum is divided by the cosine at which the side is
 /// seen: direct light falls with it (Lambert), multipath does not. Tops get more, since walls and
 /// ceilings light them, too.
-double BouncedShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
-                    const Eigen::Vector3d& eye, double reach);
+double DiffuseMultipathShare(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
+                             const Eigen::Vector3d& eye, double reach);
 
 }  // namespace volalign

@@ -101,7 +101,7 @@ struct RigPlacement {
     ar("x_cm", x_cm, "where the structure's origin stands, in the frame of its first place, cm");
     ar("z_cm", z_cm, "like x_cm, along z");
     ar("yaw_deg", yaw_deg, "turn about the vertical, deg, positive from +z towards +x");
-    ar("moved", moved, "sensors that somebody moved before this still, from their first poses");
+    ar("moved", moved, "sensors that somebody moved before this capture, from their first poses");
   }
 };
 
@@ -176,7 +176,7 @@ struct Rig {
     ar("groups", groups,
        "further sensors, alike but for angle and height: a ring, an arc, a column");
     ar("placements", placements,
-       "further places of the structure, one still each: sensors and room stay, the structure is "
+       "further places of the structure, one capture each: sensors and room stay, the structure is "
        "built again there, out of place by draws of its own, of the same size");
     ar("device_errors", device_errors,
        "persistent or redrawn. Persistent errors of a device, such as bias and warp, are the same "

@@ -20,7 +20,7 @@ namespace volalign {
 namespace {
 
 /// `stack`: how the stack stands, as far as known.
-CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& stack,
+CalibrationResult CalibrateAs(const CaptureSet& input, const StackFinding& stack,
                               Segmenter* segmenter, const CalibrateOptions& options,
                               const CalibrateProgress& progress, StageClock* clock) {
   const auto begin = [&](const char* stage) {
@@ -30,12 +30,12 @@ CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& sta
   begin("lenses, by walls and floors");
   const bool estimated = ParseEstimate(options.refine.estimate).lens;
   const LensSet assumed =
-      estimated ? AssumeLenses(capture, options.refine.lens_per_sensor) : GivenLenses(capture);
-  FoundLenses found = FindLenses(capture, assumed, threads);
+      estimated ? AssumeLenses(input, options.refine.lens_per_sensor) : GivenLenses(input);
+  FoundLenses found = FindLenses(input, assumed, threads);
   clock->Lap("lenses");
 
   begin("first poses");
-  Seen seen = Look(capture, std::move(found), segmenter, options, clock);
+  Seen seen = Look(input, std::move(found), segmenter, options, clock);
 
   Joint joint = SolveJointly(std::move(seen), stack, segmenter, options, progress, clock);
 
@@ -50,15 +50,15 @@ CalibrationResult CalibrateAs(const CaptureSet& capture, const StackFinding& sta
 
 /// The finding of InspectAssembly in a capture whose sensors fail or contradict each other. Nothing
 /// if the stack stands as described.
-std::optional<AssemblyReport> InspectStill(const StackResult& still, const Structure& structure,
-                                           const CalibrateOptions& options) {
-  if (std::none_of(still.sensors.begin(), still.sensors.end(), [&](const FrameResult& sensor) {
-        return QuestionsStack(sensor, still.alternatives);
+std::optional<AssemblyReport> InspectCapture(const StackResult& capture, const Structure& structure,
+                                             const CalibrateOptions& options) {
+  if (std::none_of(capture.sensors.begin(), capture.sensors.end(), [&](const FrameResult& sensor) {
+        return QuestionsStack(sensor, capture.alternatives);
       })) {
     return std::nullopt;
   }
   std::vector<const SensorView*> views;
-  for (const FrameResult& sensor : still.sensors) {
+  for (const FrameResult& sensor : capture.sensors) {
     const bool shows = sensor.structure_from_sensor || FailedToFindStack(sensor.code);
     views.push_back(shows ? &sensor.view : nullptr);
   }
@@ -69,16 +69,16 @@ std::optional<AssemblyReport> InspectStill(const StackResult& still, const Struc
 
 StackFinding InspectStack(const CalibrationResult& result, const Structure& structure,
                           const CalibrateOptions& options) {
-  if (result.stills.empty()) return {InspectStill(result, structure, options)};
+  if (result.captures.empty()) return {InspectCapture(result, structure, options)};
   StackFinding stack;
-  for (const StillResult& still : result.stills)
-    stack.push_back(InspectStill(still, structure, options));
+  for (const CaptureResult& capture : result.captures)
+    stack.push_back(InspectCapture(capture, structure, options));
   return stack;
 }
 
 }  // namespace
 
-CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structure& structure,
                             Segmenter* segmenter, const CalibrateOptions& asked_for,
                             const CalibrateProgress& progress) {
   StageClock clock;
@@ -86,19 +86,19 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   // Ceres warns of more threads than there are processors.
   options.refine.threads =
       std::min(options.threads, static_cast<int>(std::thread::hardware_concurrency()));
-  const CaptureSet capture = CheckRequest(stills, structure, options, segmenter != nullptr);
-  const StackFinding not_asked(stills.size());
-  CalibrationResult result = CalibrateAs(capture, not_asked, segmenter, options, progress, &clock);
+  const CaptureSet input = CheckRequest(captures, structure, options, segmenter != nullptr);
+  const StackFinding not_asked(captures.size());
+  CalibrationResult result = CalibrateAs(input, not_asked, segmenter, options, progress, &clock);
   if (options.assembly.enabled) {
     const StackFinding stack = InspectStack(result, structure, options);
     clock.Lap("assembly");
     if (std::any_of(stack.begin(), stack.end(), [](const auto& of) { return of.has_value(); }))
-      result = CalibrateAs(capture, stack, segmenter, options, progress, &clock);
+      result = CalibrateAs(input, stack, segmenter, options, progress, &clock);
   }
   if (!result.assembly || !result.assembly->altered())
     TryHypotheses(
-        stills, structure, options,
-        [&](const std::vector<Still>& other) {
+        captures, structure, options,
+        [&](const std::vector<Capture>& other) {
           StageClock unused;
           return CalibrateAs(CheckRequest(other, structure, options, segmenter != nullptr),
                              not_asked, segmenter, options, {}, &unused);
@@ -109,14 +109,14 @@ CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& s
   return result;
 }
 
-CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options) {
-  return Calibrate(stills, structure, &segmenter, options);
+  return Calibrate(captures, structure, &segmenter, options);
 }
 
 CalibrationResult Calibrate(const std::vector<SensorFrame>& frames, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options) {
-  return Calibrate(std::vector<Still>{{"", frames}}, structure, &segmenter, options);
+  return Calibrate(std::vector<Capture>{{"", frames}}, structure, &segmenter, options);
 }
 
 }  // namespace volalign

@@ -50,10 +50,10 @@ using CalibrateProgress = std::function<void(const std::string& stage)>;
 /// frames that contradict their intrinsics or share a name in one capture, and for captures that
 /// share a name. It also throws DataError for a sensor that differs between two captures, or has
 /// the same depth map in both.
-CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structure& structure,
                             Segmenter* segmenter, const CalibrateOptions& options = {},
                             const CalibrateProgress& progress = nullptr);
-CalibrationResult Calibrate(const std::vector<Still>& stills, const Structure& structure,
+CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structure& structure,
                             Segmenter& segmenter, const CalibrateOptions& options = {});
 
 /// The same for a single capture.

@@ -29,27 +29,27 @@ bool AreSame(const DepthImage& a, const DepthImage& b) {
 }
 
 /// A sensor is one device that does not move: only things in front of it may change.
-void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_still,
-                     const SensorFrame& frame, const std::string& still) {
+void CheckSameSensor(const SensorFrame& earlier, const std::string& earlier_capture,
+                     const SensorFrame& frame, const std::string& capture) {
   if (!(frame.intrinsics == earlier.intrinsics) || frame.sensor != earlier.sensor) {
     throw DataError(
         fmt::format("sensor \"{}\" has other intrinsics or is of another kind in {} than in {}; "
                     "give captures of the same sensors in the same modes",
-                    frame.name, still, earlier_still));
+                    frame.name, capture, earlier_capture));
   }
   if (AreSame(frame.depth, earlier.depth)) {
     throw DataError(
         fmt::format("sensor \"{}\" has the same depth map in {} as in {}; each capture needs "
                     "frames of its own, with the stack at another place",
-                    frame.name, still, earlier_still));
+                    frame.name, capture, earlier_capture));
   }
 }
 
 /// The priors of a calibration are of one world, and have standard deviations.
-void CheckPriors(const std::vector<Still>& stills) {
+void CheckPriors(const std::vector<Capture>& captures) {
   const SensorFrame* first = nullptr;
-  for (const Still& still : stills) {
-    for (const SensorFrame& frame : still.frames) {
+  for (const Capture& capture : captures) {
+    for (const SensorFrame& frame : capture.frames) {
       if (!frame.prior) continue;
       const PosePrior& prior = *frame.prior;
       if (!first) first = &frame;
@@ -88,7 +88,7 @@ SensorNumber ParseChoice(const std::string& text) {
   return {text.substr(0, at), number};
 }
 
-CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
+CaptureSet CheckRequest(std::vector<Capture> captures, Structure structure,
                         const CalibrateOptions& options, bool model) {
   ValidateConfig(options);
   ParseEstimate(options.refine.estimate);
@@ -99,24 +99,24 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
         "(--model), or choose geometry");
   }
   RequireStack(structure);
-  if (stills.empty()) throw DataError("there is no capture to calibrate");
-  std::map<std::string, std::vector<std::pair<const SensorFrame*, const Still*>>> frames_of;
-  std::set<std::string> still_names;
-  for (const Still& still : stills) {
-    if (!still_names.insert(still.name).second) {
+  if (captures.empty()) throw DataError("there is no capture to calibrate");
+  std::map<std::string, std::vector<std::pair<const SensorFrame*, const Capture*>>> frames_of;
+  std::set<std::string> capture_names;
+  for (const Capture& capture : captures) {
+    if (!capture_names.insert(capture.name).second) {
       throw DataError(
-          fmt::format("two captures are named \"{}\"; names must be unique", still.name));
+          fmt::format("two captures are named \"{}\"; names must be unique", capture.name));
     }
     std::set<std::string> names;
-    for (const SensorFrame& frame : still.frames) {
+    for (const SensorFrame& frame : capture.frames) {
       if (!names.insert(frame.name).second) {
         throw DataError(
             fmt::format("two sensors are named \"{}\"; names must be unique", frame.name));
       }
       auto& earlier = frames_of[frame.name];
-      for (const auto& [other, other_still] : earlier)
-        CheckSameSensor(*other, other_still->name, frame, still.name);
-      earlier.emplace_back(&frame, &still);
+      for (const auto& [other, other_capture] : earlier)
+        CheckSameSensor(*other, other_capture->name, frame, capture.name);
+      earlier.emplace_back(&frame, &capture);
     }
   }
   for (const std::string& alternative : options.orientation.choose) {
@@ -125,11 +125,11 @@ CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
           "orientation.choose (--choose): \"{}\" names no sensor of the capture", alternative));
     }
   }
-  CheckPriors(stills);
-  for (Still& still : stills) {
-    for (SensorFrame& frame : still.frames) DropStandIns(&frame.depth);
+  CheckPriors(captures);
+  for (Capture& capture : captures) {
+    for (SensorFrame& frame : capture.frames) DropStandIns(&frame.depth);
   }
-  return {std::move(stills), std::move(structure)};
+  return {std::move(captures), std::move(structure)};
 }
 
 }  // namespace volalign

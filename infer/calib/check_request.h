@@ -11,7 +11,7 @@ namespace volalign {
 
 /// Checks the arguments of Calibrate and drops stand-in depths (DropStandIns). Throws ConfigError
 /// or DataError for input that no stage could use. `model`: there is a network.
-CaptureSet CheckRequest(std::vector<Still> stills, Structure structure,
+CaptureSet CheckRequest(std::vector<Capture> captures, Structure structure,
                         const CalibrateOptions& options, bool model);
 
 /// An element of orientation.choose: a sensor and its requested PoseAlternative::number.

@@ -15,7 +15,7 @@ namespace {
 
 /// A sensor in one capture.
 struct OfSensor {
-  std::size_t still = 0;
+  std::size_t capture = 0;
   FrameResult* result = nullptr;
   const RefinedFrame* refined = nullptr;  // null if it was not refined
 
@@ -93,14 +93,14 @@ void PoolFigures(const std::vector<OfSensor>& frames, SensorOutcome* sensor) {
 }
 
 FrameResult CombineFrames(const std::vector<OfSensor>& frames,
-                          const std::vector<StillResult>& stills,
+                          const std::vector<CaptureResult>& captures,
                           const std::optional<Pose>& ground_truth) {
   FrameResult sensor;
   static_cast<SensorOutcome&>(sensor) = MostTelling(frames);
   const OfSensor* agreed = MostAgreed(frames);
   if (!agreed) return sensor;
   const FrameResult& at = *agreed->result;
-  const Pose& placement = stills[agreed->still].first_from_placement;
+  const Pose& placement = captures[agreed->capture].first_from_placement;
   sensor.structure_from_sensor = agreed->refined->first_from_sensor;
   sensor.covariance = agreed->refined->first_covariance;
   sensor.initial = placement * at.initial;
@@ -125,16 +125,16 @@ FrameResult CombineFrames(const std::vector<OfSensor>& frames,
 }
 
 /// Root mean squares over all captures, weighted by points.
-std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& stills) {
+std::optional<SetDistances> CombineMetrics(const std::vector<CaptureResult>& captures) {
   SetDistances squares;
   double points = 0;
-  for (const StillResult& still : stills) {
-    if (!still.metrics) continue;
-    double of_still = 0;
-    for (const FrameResult& sensor : still.sensors) of_still += sensor.points;
-    squares.d1 += of_still * still.metrics->d1 * still.metrics->d1;
-    squares.d2 += of_still * still.metrics->d2 * still.metrics->d2;
-    points += of_still;
+  for (const CaptureResult& capture : captures) {
+    if (!capture.metrics) continue;
+    double of_capture = 0;
+    for (const FrameResult& sensor : capture.sensors) of_capture += sensor.points;
+    squares.d1 += of_capture * capture.metrics->d1 * capture.metrics->d1;
+    squares.d2 += of_capture * capture.metrics->d2 * capture.metrics->d2;
+    points += of_capture;
   }
   if (!(points > 0)) return std::nullopt;
   return SetDistances{std::sqrt(squares.d1 / points), std::sqrt(squares.d2 / points)};
@@ -142,7 +142,7 @@ std::optional<SetDistances> CombineMetrics(const std::vector<StillResult>& still
 
 /// The alternatives of all captures, in the structure of the first. If one capture decides a
 /// sensor's choice, others that leave it open do not count.
-std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& stills,
+std::vector<RigAlternative> CombineAlternatives(const std::vector<CaptureResult>& captures,
                                                 const std::vector<FrameResult>& sensors) {
   const auto is_open = [&](const SensorAlternative& alternative) {
     return std::any_of(sensors.begin(), sensors.end(), [&](const FrameResult& sensor) {
@@ -150,12 +150,12 @@ std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& 
     });
   };
   std::vector<RigAlternative> alternatives;
-  for (const StillResult& still : stills) {
-    for (RigAlternative alternative : still.alternatives) {
+  for (const CaptureResult& capture : captures) {
+    for (RigAlternative alternative : capture.alternatives) {
       if (std::none_of(alternative.sensors.begin(), alternative.sensors.end(), is_open)) continue;
-      alternative.still = still.name;
+      alternative.capture = capture.name;
       for (SensorAlternative& sensor : alternative.sensors)
-        sensor.structure_from_sensor = still.first_from_placement * sensor.structure_from_sensor;
+        sensor.structure_from_sensor = capture.first_from_placement * sensor.structure_from_sensor;
       alternatives.push_back(std::move(alternative));
     }
   }
@@ -164,11 +164,11 @@ std::vector<RigAlternative> CombineAlternatives(const std::vector<StillResult>& 
 
 /// Each two sensors, from the capture in which they overlap most, in the structure of the first
 /// one.
-std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
+std::vector<PairResult> CombinePairs(const std::vector<CaptureResult>& captures) {
   std::vector<PairResult> pairs;
-  for (const StillResult& still : stills) {
-    const Matrix6d turn = Adjoint(still.first_from_placement);
-    for (PairResult pair : still.pairs) {
+  for (const CaptureResult& capture : captures) {
+    const Matrix6d turn = Adjoint(capture.first_from_placement);
+    for (PairResult pair : capture.pairs) {
       pair.covariance = turn * pair.covariance * turn.transpose();
       const auto known = std::find_if(pairs.begin(), pairs.end(), [&](const PairResult& other) {
         return (other.a == pair.a && other.b == pair.b) || (other.a == pair.b && other.b == pair.a);
@@ -186,15 +186,15 @@ std::vector<PairResult> CombinePairs(const std::vector<StillResult>& stills) {
 /// The true pose of each sensor in the structure of the first capture, if known. For a sensor that
 /// is absent there, sensors that share another capture with it tell where the structure stood in
 /// that one.
-std::vector<std::optional<Pose>> TruthsInFirst(const CaptureSet& capture) {
-  std::vector<std::optional<Pose>> truths(capture.sensors.size());
-  std::vector<std::optional<Pose>> placements(capture.stills.size());
+std::vector<std::optional<Pose>> TruthsInFirst(const CaptureSet& input) {
+  std::vector<std::optional<Pose>> truths(input.sensors.size());
+  std::vector<std::optional<Pose>> placements(input.captures.size());
   placements[0] = Pose::Identity();
-  for (std::size_t round = 0; round < capture.stills.size(); ++round) {
-    for (const FrameId id : capture.sensor_of.Ids()) {
-      const std::optional<Pose>& here = capture[id].ground_truth;
-      std::optional<Pose>& truth = truths[capture.sensor_of[id]];
-      std::optional<Pose>& placement = placements[id.still];
+  for (std::size_t round = 0; round < input.captures.size(); ++round) {
+    for (const FrameId id : input.sensor_of.Ids()) {
+      const std::optional<Pose>& here = input[id].ground_truth;
+      std::optional<Pose>& truth = truths[input.sensor_of[id]];
+      std::optional<Pose>& placement = placements[id.capture];
       if (here && placement && !truth) truth = *placement * *here;
       if (here && truth && !placement) placement = *truth * here->inverse();
     }
@@ -204,33 +204,33 @@ std::vector<std::optional<Pose>> TruthsInFirst(const CaptureSet& capture) {
 
 }  // namespace
 
-CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResult> stills,
-                                const SomeFrames<FrameSolution>& frames) {
+CalibrationResult CombineCaptures(const CaptureSet& input, std::vector<CaptureResult> captures,
+                                  const SomeFrames<FrameSolution>& frames) {
   CalibrationResult result;
-  if (stills.size() == 1) {
-    static_cast<StackResult&>(result) = std::move(stills.front());
+  if (captures.size() == 1) {
+    static_cast<StackResult&>(result) = std::move(captures.front());
     return result;
   }
-  result.stills = std::move(stills);
-  std::vector<std::vector<OfSensor>> of_sensor(capture.sensors.size());
-  const std::vector<std::optional<Pose>> truths = TruthsInFirst(capture);
-  for (const FrameId id : capture.sensor_of.Ids()) {
-    const std::size_t sensor = capture.sensor_of[id];
+  result.captures = std::move(captures);
+  std::vector<std::vector<OfSensor>> of_sensor(input.sensors.size());
+  const std::vector<std::optional<Pose>> truths = TruthsInFirst(input);
+  for (const FrameId id : input.sensor_of.Ids()) {
+    const std::size_t sensor = input.sensor_of[id];
     const auto solved = frames.find(id);
-    of_sensor[sensor].push_back({id.still, &result.stills[id.still].sensors[id.frame],
+    of_sensor[sensor].push_back({id.capture, &result.captures[id.capture].sensors[id.frame],
                                  solved != frames.end() ? &solved->second.refined : nullptr});
   }
   for (std::size_t k = 0; k < of_sensor.size(); ++k)
-    result.sensors.push_back(CombineFrames(of_sensor[k], result.stills, truths[k]));
-  result.pairs = CombinePairs(result.stills);
-  result.alternatives = CombineAlternatives(result.stills, result.sensors);
-  result.metrics = CombineMetrics(result.stills);
-  result.assembly = result.stills.front().assembly;
-  for (const StillResult& still : result.stills) {
-    if (still.assembly && still.assembly->altered()) result.assembly = still.assembly;
+    result.sensors.push_back(CombineFrames(of_sensor[k], result.captures, truths[k]));
+  result.pairs = CombinePairs(result.captures);
+  result.alternatives = CombineAlternatives(result.captures, result.sensors);
+  result.metrics = CombineMetrics(result.captures);
+  result.assembly = result.captures.front().assembly;
+  for (const CaptureResult& capture : result.captures) {
+    if (capture.assembly && capture.assembly->altered()) result.assembly = capture.assembly;
   }
-  result.built = result.stills.front().built;
-  result.boxes = result.stills.front().boxes;
+  result.built = result.captures.front().built;
+  result.boxes = result.captures.front().boxes;
   return result;
 }
 

@@ -12,7 +12,7 @@ namespace volalign {
 /// are in the order of CaptureSet::sensors, with poses in the first capture's structure and without
 /// images. A sensor gets the status of the capture in which it is placed best. A finding about the
 /// sensor itself, not about its view in one capture, counts in any case.
-CalibrationResult CombineStills(const CaptureSet& capture, std::vector<StillResult> stills,
-                                const SomeFrames<FrameSolution>& frames);
+CalibrationResult CombineCaptures(const CaptureSet& input, std::vector<CaptureResult> captures,
+                                  const SomeFrames<FrameSolution>& frames);
 
 }  // namespace volalign

@@ -135,7 +135,7 @@ void Describe(Archive& ar, SensorAlternative& sensor) {
 template <class Archive>
 void Describe(Archive& ar, RigAlternative& alternative) {
   ar("log_odds", alternative.log_odds);
-  ar.Optional("placement", alternative.still);
+  ar.Optional("placement", alternative.capture);
   ar.ByName("sensors", alternative.sensors, &SensorAlternative::name);
 }
 

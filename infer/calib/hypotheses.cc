@@ -33,28 +33,28 @@ constexpr double kNearestMedian = 0.5;
 constexpr double kUsualUnits[] = {1, 0.01, 0.001, 0.0005, 0.00025, 0.0002, 0.000125, 0.0001};
 constexpr double kUsually = kScaleStep - 1;
 
-const SensorFrame* FindFrame(const Still& still, const std::string& name) {
-  const auto found = std::find_if(still.frames.begin(), still.frames.end(),
+const SensorFrame* FindFrame(const Capture& capture, const std::string& name) {
+  const auto found = std::find_if(capture.frames.begin(), capture.frames.end(),
                                   [&](const SensorFrame& frame) { return frame.name == name; });
-  return found == still.frames.end() ? nullptr : &*found;
+  return found == capture.frames.end() ? nullptr : &*found;
 }
 
 // Depths in another unit.
 
-std::vector<Still> WithScale(std::vector<Still> stills, const std::set<std::string>& sensors,
-                             double factor) {
+std::vector<Capture> WithScale(std::vector<Capture> captures, const std::set<std::string>& sensors,
+                               double factor) {
   const auto scale = [&](Image<float>* image) {
     for (float& z : *image) z = static_cast<float>(factor * static_cast<double>(z));
   };
-  for (Still& still : stills) {
-    for (SensorFrame& frame : still.frames) {
+  for (Capture& capture : captures) {
+    for (SensorFrame& frame : capture.frames) {
       if (sensors.count(frame.name) == 0) continue;
       scale(&frame.depth);
       scale(&frame.depth_sigma);
       frame.depth_scale *= factor;
     }
   }
-  return stills;
+  return captures;
 }
 
 double MedianDepth(const SensorView& view) {
@@ -105,13 +105,13 @@ bool MayBeOfAnotherUnit(const SensorOutcome& sensor, bool nothing_placed) {
           sensor.code != SensorCode::kIntrinsicsSuspect);
 }
 
-std::vector<Suspects> FindSuspects(const std::vector<Still>& stills,
+std::vector<Suspects> FindSuspects(const std::vector<Capture>& captures,
                                    const CalibrationResult& result) {
   const std::vector<FrameResult>& sensors =
-      result.stills.empty() ? result.sensors : result.stills.front().sensors;
+      result.captures.empty() ? result.sensors : result.captures.front().sensors;
   std::vector<Suspects> list;
   for (const FrameResult& sensor : sensors) {
-    const SensorFrame* frame = FindFrame(stills.front(), sensor.name);
+    const SensorFrame* frame = FindFrame(captures.front(), sensor.name);
     if (!frame || !MayBeOfAnotherUnit(sensor, result.placed() == 0)) continue;
     auto of_scale = std::find_if(list.begin(), list.end(), [&](const Suspects& suspects) {
       return suspects.depth_scale == frame->depth_scale;
@@ -125,13 +125,13 @@ std::vector<Suspects> FindSuspects(const std::vector<Still>& stills,
 }
 
 /// The depth_scale with which at least half of the suspects are placed, if there is one.
-std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector<Still>& stills,
+std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector<Capture>& captures,
                                      const Structure& structure, const CalibrateOptions& options,
                                      const Recalibrate& recalibrate) {
   const std::optional<double> factor = FindDepthFactor(suspects.views, structure, options);
   if (!factor) return std::nullopt;
   double scale = suspects.depth_scale * *factor;
-  const CalibrationResult scaled = recalibrate(WithScale(stills, suspects.names, *factor));
+  const CalibrationResult scaled = recalibrate(WithScale(captures, suspects.names, *factor));
   const auto placed =
       std::count_if(scaled.sensors.begin(), scaled.sensors.end(), [&](const FrameResult& sensor) {
         return suspects.names.count(sensor.name) > 0 && sensor.structure_from_sensor;
@@ -145,12 +145,12 @@ std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector
   return scale;
 }
 
-void TryScales(const std::vector<Still>& stills, const Structure& structure,
+void TryScales(const std::vector<Capture>& captures, const Structure& structure,
                const CalibrateOptions& options, const Recalibrate& recalibrate,
                CalibrationResult* result) {
-  for (const Suspects& suspects : FindSuspects(stills, *result)) {
+  for (const Suspects& suspects : FindSuspects(captures, *result)) {
     const std::optional<double> scale =
-        FindDepthScale(suspects, stills, structure, options, recalibrate);
+        FindDepthScale(suspects, captures, structure, options, recalibrate);
     if (!scale || std::abs(*scale / suspects.depth_scale - 1) < kUsually) continue;
     const std::string hint =
         fmt::format("set depth_scale to {:.3g}; it is {:g}", *scale, suspects.depth_scale);
@@ -172,16 +172,16 @@ using Names = std::pair<std::string, std::string>;
 
 /// Can the depth maps of these sensors be confused, and does it make a difference? One sensor's
 /// intrinsics differ by a pixel or two from one calibration to the next.
-bool CanBeExchanged(const Still& still, const Names& names) {
-  const SensorFrame *a = FindFrame(still, names.first), *b = FindFrame(still, names.second);
+bool CanBeExchanged(const Capture& capture, const Names& names) {
+  const SensorFrame *a = FindFrame(capture, names.first), *b = FindFrame(capture, names.second);
   return a && b && a->depth.width() == b->depth.width() && a->depth.height() == b->depth.height() &&
          (a->sensor != b->sensor || LargestShift(a->intrinsics, b->intrinsics) > kClearly);
 }
 
-std::vector<Still> Exchanged(std::vector<Still> stills, const Names& names) {
-  for (Still& still : stills) {
+std::vector<Capture> Exchanged(std::vector<Capture> captures, const Names& names) {
+  for (Capture& capture : captures) {
     SensorFrame* frames[] = {nullptr, nullptr};
-    for (SensorFrame& frame : still.frames) {
+    for (SensorFrame& frame : capture.frames) {
       if (frame.name == names.first) frames[0] = &frame;
       if (frame.name == names.second) frames[1] = &frame;
     }
@@ -189,7 +189,7 @@ std::vector<Still> Exchanged(std::vector<Still> stills, const Names& names) {
     std::swap(frames[0]->depth, frames[1]->depth);
     std::swap(frames[0]->depth_sigma, frames[1]->depth_sigma);
   }
-  return stills;
+  return captures;
 }
 
 /// m^2: mean square distance between two sensors' points, over all pairs or those of a sensor.
@@ -217,12 +217,12 @@ std::size_t CountDoubts(const CalibrationResult& result) {
 }
 
 /// The exchanges to try; the two sensors farthest from the others come first.
-std::vector<Names> ExchangesToTry(const Still& still, const CalibrationResult& result) {
+std::vector<Names> ExchangesToTry(const Capture& capture, const CalibrationResult& result) {
   std::vector<std::pair<double, Names>> ranked;
   for (const FrameResult& a : result.sensors) {
     for (const FrameResult& b : result.sensors) {
       const Names names(a.name, b.name);
-      if (&a < &b && CanBeExchanged(still, names))
+      if (&a < &b && CanBeExchanged(capture, names))
         ranked.emplace_back(-MeanSquare(result, a.name) - MeanSquare(result, b.name), names);
     }
   }
@@ -233,13 +233,13 @@ std::vector<Names> ExchangesToTry(const Still& still, const CalibrationResult& r
   return first;
 }
 
-void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibrate,
+void TryExchanges(const std::vector<Capture>& captures, const Recalibrate& recalibrate,
                   CalibrationResult* result) {
   const std::size_t doubts = CountDoubts(*result);
   const double given = MeanSquare(*result);
   if (doubts == 0) return;
-  for (const Names& names : ExchangesToTry(stills.front(), *result)) {
-    const CalibrationResult exchanged = recalibrate(Exchanged(stills, names));
+  for (const Names& names : ExchangesToTry(captures.front(), *result)) {
+    const CalibrationResult exchanged = recalibrate(Exchanged(captures, names));
     const double square = MeanSquare(exchanged);
     if (exchanged.placed() < result->placed() || CountDoubts(exchanged) >= doubts ||
         !(square < given / 2))
@@ -259,8 +259,8 @@ void TryExchanges(const std::vector<Still>& stills, const Recalibrate& recalibra
 
 // Intrinsics that the stated kind does not have.
 
-void SuspectIntrinsics(const std::vector<Still>& stills, FrameResult* sensor) {
-  const SensorFrame* frame = FindFrame(stills.front(), sensor->name);
+void SuspectIntrinsics(const std::vector<Capture>& captures, FrameResult* sensor) {
+  const SensorFrame* frame = FindFrame(captures.front(), sensor->name);
   if (!frame || sensor->code == SensorCode::kWrongUnits || sensor->code == SensorCode::kNoDepth)
     return;
   const Intrinsics& given = frame->intrinsics;
@@ -361,16 +361,16 @@ void DoubtTheRest(CalibrationResult* result) {
 
 }  // namespace
 
-void TryHypotheses(const std::vector<Still>& stills, const Structure& structure,
+void TryHypotheses(const std::vector<Capture>& captures, const Structure& structure,
                    const CalibrateOptions& options, const Recalibrate& recalibrate,
                    CalibrationResult* result) {
   for (FrameResult& sensor : result->sensors) {
     SuspectSpoilt(&sensor);
-    SuspectIntrinsics(stills, &sensor);
+    SuspectIntrinsics(captures, &sensor);
   }
   DoubtTheRest(result);
-  TryExchanges(stills, recalibrate, result);
-  TryScales(stills, structure, options, recalibrate, result);
+  TryExchanges(captures, recalibrate, result);
+  TryScales(captures, structure, options, recalibrate, result);
 }
 
 }  // namespace volalign

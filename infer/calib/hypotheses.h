@@ -9,7 +9,7 @@
 namespace volalign {
 
 /// Calibrates other captures in the same way.
-using Recalibrate = std::function<CalibrationResult(const std::vector<Still>&)>;
+using Recalibrate = std::function<CalibrationResult(const std::vector<Capture>&)>;
 
 /// Tries usual mistakes with captures where a result is bad, and adds findings and hints to
 /// `result`. Its poses do not change. `result` is the calibration of the first argument.
@@ -23,7 +23,7 @@ using Recalibrate = std::function<CalibrationResult(const std::vector<Still>&)>;
 /// sensor that is not ok they may also be none of the kind's. If most sensors have suspect ones,
 /// every placed sensor does. A sensor that is not ok gets a hint if its pixels have nothing in
 /// common with their neighbours, or a filter filled its holes.
-void TryHypotheses(const std::vector<Still>& stills, const Structure& structure,
+void TryHypotheses(const std::vector<Capture>& captures, const Structure& structure,
                    const CalibrateOptions& options, const Recalibrate& recalibrate,
                    CalibrationResult* result);
 

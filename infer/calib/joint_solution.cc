@@ -51,7 +51,7 @@ PerFrame<LocateResult> Without(PerFrame<LocateResult> results,
 }
 
 Located Join(const Seen& seen, PerFrame<LocateResult> results) {
-  Stood stood = JoinStills(seen, results);
+  Stood stood = JoinCaptures(seen, results);
   results = Without(std::move(results), stood.contradicted);
   SomeFrames<PlacedPrior> priors = PlacePriors(seen, results, stood.first_from_stack);
   return {std::move(results), std::move(stood.first_from_stack), std::move(priors)};
@@ -76,7 +76,7 @@ RefineResult RefineTogether(const Seen& seen, const SomeFrames<FrameInput>& fram
                             const std::vector<Pose>& first_from_stack, const RefineSetup& setup) {
   std::vector<FrameInput> all;
   for (const auto& [id, frame] : frames) all.push_back(frame);
-  return Refine(seen.capture->structure, all, setup, seen.lenses.lenses, first_from_stack);
+  return Refine(seen.input->structure, all, setup, seen.lenses.lenses, first_from_stack);
 }
 
 /// The poses for new labels. A frame that was not solved keeps its start.
@@ -113,7 +113,7 @@ SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frame
     const auto& [id, pose] = all[k];
     FrameInput& frame = frames.at(id);
     frame.start = pose;
-    frame.points = PointsAt(seen, id, refined.placements[id.still].built, pose, options);
+    frame.points = PointsAt(seen, id, refined.placements[id.capture].built, pose, options);
   });
   return frames;
 }
@@ -146,15 +146,15 @@ SomeFrames<FrameInput> ExcludedAsBefore(SomeFrames<FrameInput> frames,
 }
 
 /// The lenses with the refined changes, and each sensor's own focal length.
-LensSet WithChanges(const CaptureSet& capture, LensSet lenses, const SomeFrames<FrameInput>& frames,
+LensSet WithChanges(const CaptureSet& input, LensSet lenses, const SomeFrames<FrameInput>& frames,
                     const RefineResult& refined) {
   for (std::size_t i = 0; i < lenses.lenses.size(); ++i)
     lenses.lenses[i].change = refined.lenses[i].change;
   std::map<std::size_t, double> of_sensor;
   auto found = refined.frames.begin();
-  for (const auto& [id, frame] : frames) of_sensor[capture.sensor_of[id]] = found++->own_focal;
+  for (const auto& [id, frame] : frames) of_sensor[input.sensor_of[id]] = found++->own_focal;
   for (const FrameId id : lenses.of_frame.Ids()) {
-    const auto own = of_sensor.find(capture.sensor_of[id]);
+    const auto own = of_sensor.find(input.sensor_of[id]);
     lenses.own_focal[id] = own == of_sensor.end() ? 0 : own->second;
   }
   return lenses;
@@ -197,19 +197,19 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
       placed.prior.world_from_sensor = world.Place(placed.prior.world_from_sensor);
   }
   joint.report = report;
-  const CaptureSet& capture = *joint.seen.capture;
+  const CaptureSet& input = *joint.seen.input;
   std::vector<std::string> names;
-  for (const FrameId id : ids) names.push_back(capture[id].name);
+  for (const FrameId id : ids) names.push_back(input[id].name);
   joint.findings = ExplainPriors(joint.seen, joint.located, located.first_from_stack);
-  for (RigFinding& off : ExplainQuantities(refined, names, capture.structure))
+  for (RigFinding& off : ExplainQuantities(refined, names, input.structure))
     joint.findings.push_back(std::move(off));
   for (RigFinding& apart : FindPairsApart(refined, names))
     joint.findings.push_back(std::move(apart));
-  joint.pairs.resize(capture.stills.size());
+  joint.pairs.resize(input.captures.size());
   for (const RefinedPair& pair : refined.pairs) {
     const Pose& pose = joint.frames[id_of(pair.b)].refined.structure_from_sensor;
-    joint.pairs[id_of(pair.a).still].push_back(
-        {capture[id_of(pair.a)].name, capture[id_of(pair.b)].name, pair.overlap, pair.rms,
+    joint.pairs[id_of(pair.a).capture].push_back(
+        {input[id_of(pair.a)].name, input[id_of(pair.b)].name, pair.overlap, pair.rms,
          pair.predicted_rms, pair.covariance, LargestSigmaPosition(pose, pair.covariance),
          LargestSigmaRotationDeg(pair.covariance)});
   }
@@ -226,7 +226,7 @@ SomeFrames<Finding> FindShapeless(const Seen& seen, const PerFrame<LocateResult>
   for (const auto& [id, frame] : frames) {
     const Pose& pose = found++->structure_from_sensor;
     if (!std::get<LocatedFrame>(located[id]).shape_log_odds ||
-        ShapeLogOdds(seen.views[id], refined.placements[id.still].built, pose)) {
+        ShapeLogOdds(seen.views[id], refined.placements[id.capture].built, pose)) {
       continue;
     }
     shapeless[id] = ExplainMissingShape();
@@ -300,7 +300,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       located = Join(seen, Without(std::move(located.results), shapeless));
     } else {  // look
       clock->Lap("refinement");
-      LensSet lenses = WithChanges(*seen.capture, seen.lenses, frames, refined);
+      LensSet lenses = WithChanges(*seen.input, seen.lenses, frames, refined);
       report.moved_px = LargestShift(seen.lenses, lenses);
       if (report.moved_px > 0)
         seen = WithLenses(std::move(seen), std::move(lenses), options.threads);

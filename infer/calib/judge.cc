@@ -69,19 +69,19 @@ std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
 
 /// Residuals, errors and status of a located frame at its reported pose.
 void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& suspect_lens,
-                const std::optional<SeenThrough>& free_space_violation,
+                const std::optional<FreeSpaceViolation>& free_space_violation,
                 const CalibrateOptions& options, FrameResult* sensor) {
-  const SensorFrame& frame = (*joint.seen.capture)[id];
+  const SensorFrame& frame = (*joint.seen.input)[id];
   const auto& located = std::get<LocatedFrame>(joint.located[id]);
   const Labelled& labelled = joint.seen.labelled[id];
   const RefinedFrame& refined = joint.frames.at(id).refined;
-  const Structure& built = joint.stacks[id.still].built;
+  const Structure& built = joint.stacks[id.capture].built;
   const Pose& pose = *sensor->structure_from_sensor;
   static_cast<PoseQuality&>(*sensor) = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
       labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose);
   sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
-                                                    joint.seen.capture->structure, sensor->initial)
+                                                    joint.seen.input->structure, sensor->initial)
                                            .rms_m;
   if (frame.ground_truth) {
     sensor->error = ComparePoses(pose, *frame.ground_truth);
@@ -135,24 +135,25 @@ std::optional<SetDistances> MeasureSetDistances(const std::vector<FrameResult>& 
   return CompareWithSurface(captured, built, threads);
 }
 
-/// The result of FindSeenThrough for each frame of a capture. A frame whose pose a person has
-/// chosen takes part, but has no result.
-std::vector<std::optional<SeenThrough>> RefutedInStill(const Joint& joint, std::size_t still,
-                                                       const CalibrateOptions& options) {
-  const std::size_t count = joint.located.OfStill(still).size();
+/// The result of FindFreeSpaceViolations for each frame of a capture. A frame whose pose a person
+/// has chosen takes part, but has no result.
+std::vector<std::optional<FreeSpaceViolation>> RefutedInCapture(const Joint& joint,
+                                                                std::size_t capture,
+                                                                const CalibrateOptions& options) {
+  const std::size_t count = joint.located.OfCapture(capture).size();
   std::vector<const SensorView*> views(count, nullptr);
   std::vector<Pose> poses(count, Pose::Identity());
   for (std::size_t i = 0; i < count; ++i) {
-    const auto solution = joint.frames.find({still, i});
+    const auto solution = joint.frames.find({capture, i});
     if (solution == joint.frames.end()) continue;
-    views[i] = &joint.seen.views[{still, i}];
+    views[i] = &joint.seen.views[{capture, i}];
     poses[i] = solution->second.refined.structure_from_sensor;
   }
-  std::vector<std::optional<SeenThrough>> found =
-      FindSeenThrough(views, poses, joint.stacks[still].built, kDecisiveOdds, options.threads);
+  std::vector<std::optional<FreeSpaceViolation>> found = FindFreeSpaceViolations(
+      views, poses, joint.stacks[capture].built, kDecisiveOdds, options.threads);
   for (std::size_t i = 0; i < count; ++i) {
-    if (found[i]) found[i]->name = (*joint.seen.capture)[{still, found[i]->other}].name;
-    if (joint.seen.labelled[{still, i}].given) found[i].reset();
+    if (found[i]) found[i]->name = (*joint.seen.input)[{capture, found[i]->other}].name;
+    if (joint.seen.labelled[{capture, i}].given) found[i].reset();
   }
   return found;
 }
@@ -162,9 +163,9 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   const Seen& seen = joint->seen;
   Labelled& labelled = joint->seen.labelled[id];
   FrameResult sensor;
-  sensor.name = (*seen.capture)[id].name;
+  sensor.name = (*seen.input)[id].name;
   sensor.intrinsics = seen.lenses.Effective(id);
-  sensor.intrinsics_given = (*seen.capture)[id].intrinsics;
+  sensor.intrinsics_given = (*seen.input)[id].intrinsics;
   TakeLens(*joint, id, &sensor);
   sensor.view = std::move(joint->seen.views[id]);
   sensor.segmentation = std::move(labelled.segmentation);
@@ -179,12 +180,12 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   TakeRefinement(solution.refined, located.InitialPoseOf(labelled.initial), &sensor);
   sensor.initial_source = located.by_neighbours ? PoseSource::kNeighbours : labelled.source;
   if (const auto placed = joint->priors.find(id); placed != joint->priors.end()) {
-    sensor.prior = joint->stacks[id.still].first_from_placement.inverse() *
+    sensor.prior = joint->stacks[id.capture].first_from_placement.inverse() *
                    placed->second.prior.world_from_sensor;
     sensor.prior_used = placed->second.used;
   }
   for (const FrameId other : solution.contradicts)
-    sensor.disagrees_with.push_back((*seen.capture)[other].name);
+    sensor.disagrees_with.push_back((*seen.input)[other].name);
   return sensor;
 }
 
@@ -207,24 +208,24 @@ std::optional<SensorAlternative> FollowedAlternative(
 
 /// The sets of poses that the capture's sensors may have instead, with sensors that rest on them.
 /// Those that kNamedOdds rule out are absent.
-std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t still,
+std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t capture,
                                            const std::vector<FrameResult>& sensors) {
   std::map<int, RigAlternative> alternatives;
   std::map<int, std::map<FrameId, SensorAlternative>> moved;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     if (!sensors[i].structure_from_sensor) continue;
-    for (const PoseAlternative& alternative : joint.seen.labelled[{still, i}].alternatives) {
+    for (const PoseAlternative& alternative : joint.seen.labelled[{capture, i}].alternatives) {
       if (alternative.log_odds > std::log(kNamedOdds)) continue;
       alternatives[alternative.rig].log_odds = alternative.log_odds;
-      moved[alternative.rig][{still, i}] = {sensors[i].name, alternative.number,
-                                            alternative.structure_from_sensor};
+      moved[alternative.rig][{capture, i}] = {sensors[i].name, alternative.number,
+                                              alternative.structure_from_sensor};
     }
   }
   std::vector<RigAlternative> list;
   for (auto& [rig, alternative] : alternatives) {
     const std::map<FrameId, SensorAlternative>& of_rig = moved[rig];
     for (std::size_t i = 0; i < sensors.size(); ++i) {
-      const FrameId id{still, i};
+      const FrameId id{capture, i};
       const auto own = of_rig.find(id);
       if (own != of_rig.end()) {
         alternative.sensors.push_back(own->second);
@@ -306,24 +307,24 @@ AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Struct
 }
 
 /// The result of a capture from its frames' results.
-StillResult GatherStill(std::size_t still, std::vector<FrameResult> sensors,
-                        std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
-                        Joint* joint) {
-  RefinedPlacement& stack = joint->stacks[still];
+CaptureResult GatherCapture(std::size_t capture, std::vector<FrameResult> sensors,
+                            std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
+                            Joint* joint) {
+  RefinedPlacement& stack = joint->stacks[capture];
   JudgeDuplicates(&sensors);
   DoubtThoseAlone(&sensors);
   if (options.assembly.enabled && !(assembly && assembly->altered())) {
-    AssemblyReport told = AsFarAsTold(sensors, joint->seen.capture->structure, joint->findings);
+    AssemblyReport told = AsFarAsTold(sensors, joint->seen.input->structure, joint->findings);
     if (assembly) told.mirrored_frames = std::move(assembly->mirrored_frames);
     assembly = std::move(told);
   }
-  StillResult result;
-  result.name = joint->seen.capture->stills[still].name;
+  CaptureResult result;
+  result.name = joint->seen.input->captures[capture].name;
   result.first_from_placement = stack.first_from_placement;
   result.covariance = stack.covariance;
   result.metrics = MeasureSetDistances(sensors, stack.built, options.threads);
-  result.pairs = std::move(joint->pairs[still]);
-  result.alternatives = AlternativesOf(*joint, still, sensors);
+  result.pairs = std::move(joint->pairs[capture]);
+  result.alternatives = AlternativesOf(*joint, capture, sensors);
   result.sensors = std::move(sensors);
   result.assembly = std::move(assembly);
   result.built = std::move(stack.built);
@@ -354,28 +355,29 @@ bool QuestionsStack(const SensorOutcome& sensor, const std::vector<RigAlternativ
 CalibrationResult Judge(Joint joint, const StackFinding& stack,
                         const PerFrame<std::optional<Finding>>& suspect_lenses,
                         const CalibrateOptions& options) {
-  std::vector<std::vector<std::optional<SeenThrough>>> refuted;
-  for (std::size_t still = 0; still < joint.located.stills(); ++still)
-    refuted.push_back(RefutedInStill(joint, still, options));
+  std::vector<std::vector<std::optional<FreeSpaceViolation>>> refuted;
+  for (std::size_t capture = 0; capture < joint.located.captures(); ++capture)
+    refuted.push_back(RefutedInCapture(joint, capture, options));
   PerFrame<FrameResult> sensors =
       MapFrames(joint.located, options.threads, [&](FrameId id) { return ResultOf(id, &joint); });
   std::vector<FrameId> solved;
   for (const auto& [id, solution] : joint.frames) solved.push_back(id);
   ParallelFor(solved.size(), options.threads, [&](std::size_t k) {
     const FrameId id = solved[k];
-    JudgeFrame(joint, id, suspect_lenses[id], refuted[id.still][id.frame], options, &sensors[id]);
+    JudgeFrame(joint, id, suspect_lenses[id], refuted[id.capture][id.frame], options, &sensors[id]);
   });
   std::vector<std::pair<const SensorView*, Pose>> placed;
-  for (const FrameResult& sensor : sensors.OfStill(0)) {
+  for (const FrameResult& sensor : sensors.OfCapture(0)) {
     if (IsBelieved(sensor)) placed.emplace_back(&sensor.view, *sensor.structure_from_sensor);
   }
-  for (RigFinding& finding : FindCoveredSides(placed, joint.seen.capture->structure))
+  for (RigFinding& finding : FindCoveredSides(placed, joint.seen.input->structure))
     joint.findings.push_back(std::move(finding));
-  std::vector<StillResult> stills;
-  for (std::size_t s = 0; s < sensors.stills(); ++s) {
-    stills.push_back(GatherStill(s, std::move(sensors.OfStill(s)), stack[s], options, &joint));
+  std::vector<CaptureResult> captures;
+  for (std::size_t s = 0; s < sensors.captures(); ++s) {
+    captures.push_back(
+        GatherCapture(s, std::move(sensors.OfCapture(s)), stack[s], options, &joint));
   }
-  CalibrationResult result = CombineStills(*joint.seen.capture, std::move(stills), joint.frames);
+  CalibrationResult result = CombineCaptures(*joint.seen.input, std::move(captures), joint.frames);
   result.size_estimated = joint.size_estimated;
   result.size_scale = joint.size_scale;
   result.sigma_size_scale = joint.sigma_size_scale;

@@ -30,22 +30,22 @@ int ChoiceOf(const std::string& name, const std::vector<std::string>& chosen) {
 }
 
 /// Frames whose depths failed get no labels, nor do those with a `known` pose.
-std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
-                                 const std::vector<const Pose*>& known, Segmenter* segmenter,
-                                 const CalibrateOptions& options, StageClock* clock) {
-  const std::vector<SensorFrame>& frames = seen.capture->stills[still].frames;
+std::vector<Labelled> LabelCapture(const Seen& seen, std::size_t capture,
+                                   const std::vector<const Pose*>& known, Segmenter* segmenter,
+                                   const CalibrateOptions& options, StageClock* clock) {
+  const std::vector<SensorFrame>& frames = seen.input->captures[capture].frames;
   std::vector<Intrinsics> intrinsics;
   for (std::size_t i = 0; i < frames.size(); ++i)
-    intrinsics.push_back(seen.lenses.Effective({still, i}));
-  const std::vector<std::optional<PosePrior>> priors = PriorsOfStill(*seen.capture, still);
+    intrinsics.push_back(seen.lenses.Effective({capture, i}));
+  const std::vector<std::optional<PosePrior>> priors = PriorsOfCapture(*seen.input, capture);
   std::vector<LabelRequest> requests;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    requests.push_back({&seen.views[{still, i}], &intrinsics[i], frames[i].quarter_turns,
-                        !seen.depths[{still, i}].failure,
+    requests.push_back({&seen.views[{capture, i}], &intrinsics[i], frames[i].quarter_turns,
+                        !seen.depths[{capture, i}].failure,
                         ChoiceOf(frames[i].name, options.orientation.choose), known[i],
                         priors[i] ? &*priors[i] : nullptr});
   }
-  return LabelViews(requests, seen.capture->structure, segmenter, options.initial, options.threads,
+  return LabelViews(requests, seen.input->structure, segmenter, options.initial, options.threads,
                     clock);
 }
 
@@ -53,7 +53,7 @@ std::vector<Labelled> LabelStill(const Seen& seen, std::size_t still,
 void RequireChoice(const Seen& seen, const SensorNumber& asked) {
   std::set<int> numbers;
   for (const FrameId id : seen.labelled.Ids()) {
-    if ((*seen.capture)[id].name != asked.sensor) continue;
+    if ((*seen.input)[id].name != asked.sensor) continue;
     if (seen.labelled[id].given) return;
     for (const PoseAlternative& alternative : seen.labelled[id].alternatives)
       numbers.insert(alternative.number);
@@ -71,24 +71,24 @@ void RequireChoice(const Seen& seen, const SensorNumber& asked) {
 
 }  // namespace
 
-Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
+Seen Look(const CaptureSet& input, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock) {
   Seen seen;
-  seen.capture = &capture;
+  seen.input = &input;
   seen.lenses = std::move(found.lenses);
   seen.views = std::move(found.views);
   std::vector<std::vector<DepthFinding>> depths;
-  for (std::size_t s = 0; s < capture.stills.size(); ++s) {
-    const std::vector<SensorFrame>& frames = capture.stills[s].frames;
-    depths.push_back(CheckDepths(frames, seen.views.OfStill(s)));
+  for (std::size_t s = 0; s < input.captures.size(); ++s) {
+    const std::vector<SensorFrame>& frames = input.captures[s].frames;
+    depths.push_back(CheckDepths(frames, seen.views.OfCapture(s)));
   }
   seen.depths = PerFrame(std::move(depths));
   clock->Lap("rays");
   std::vector<std::vector<Labelled>> labelled;
-  for (std::size_t s = 0; s < capture.stills.size(); ++s)
-    labelled.push_back(LabelStill(seen, s,
-                                  std::vector<const Pose*>(capture.stills[s].frames.size()),
-                                  segmenter, options, clock));
+  for (std::size_t s = 0; s < input.captures.size(); ++s)
+    labelled.push_back(LabelCapture(seen, s,
+                                    std::vector<const Pose*>(input.captures[s].frames.size()),
+                                    segmenter, options, clock));
   seen.labelled = PerFrame(std::move(labelled));
   for (const std::string& chosen : options.orientation.choose)
     RequireChoice(seen, ParseChoice(chosen));
@@ -96,7 +96,7 @@ Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
 }
 
 Seen WithLenses(Seen seen, LensSet lenses, int threads) {
-  seen.views = LookThrough(*seen.capture, lenses, std::move(seen.views), seen.lenses, threads);
+  seen.views = LookThrough(*seen.input, lenses, std::move(seen.views), seen.lenses, threads);
   seen.lenses = std::move(lenses);
   return seen;
 }
@@ -108,29 +108,30 @@ PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& re
     return std::holds_alternative<Finding>(results[id]) && !seen.depths[id].failure;
   };
   PerFrame<Labelled> labelled = MapFrames(results, options.threads, [&](FrameId id) {
-    return UpdateInitialPose(seen.views[id], seen.labelled[id], seen.capture->structure,
+    return UpdateInitialPose(seen.views[id], seen.labelled[id], seen.input->structure,
                              options.initial);
   });
-  for (std::size_t still = 0; still < results.stills(); ++still) {
+  for (std::size_t capture = 0; capture < results.captures(); ++capture) {
     std::vector<FrameId> anew;
-    for (std::size_t i = 0; i < results.OfStill(still).size(); ++i) {
-      if (is_anew({still, i})) anew.push_back({still, i});
+    for (std::size_t i = 0; i < results.OfCapture(capture).size(); ++i) {
+      if (is_anew({capture, i})) anew.push_back({capture, i});
     }
     if (anew.empty()) continue;
     std::vector<const Pose*> known;
-    for (std::size_t i = 0; i < results.OfStill(still).size(); ++i) {
-      const InitialPose& initial = labelled[{still, i}].initial;
-      const bool keeps = !is_anew({still, i}) && initial.found;
+    for (std::size_t i = 0; i < results.OfCapture(capture).size(); ++i) {
+      const InitialPose& initial = labelled[{capture, i}].initial;
+      const bool keeps = !is_anew({capture, i}) && initial.found;
       known.push_back(keeps ? &initial.structure_from_sensor : nullptr);
     }
-    std::vector<Labelled> of_still = LabelStill(seen, still, known, segmenter, options, clock);
+    std::vector<Labelled> of_capture =
+        LabelCapture(seen, capture, known, segmenter, options, clock);
     int sets = 0;
-    for (const Labelled& frame : labelled.OfStill(still)) {
+    for (const Labelled& frame : labelled.OfCapture(capture)) {
       for (const PoseAlternative& alternative : frame.alternatives)
         sets = std::max(sets, alternative.rig + 1);
     }
     for (const FrameId id : anew) {
-      labelled[id] = std::move(of_still[id.frame]);
+      labelled[id] = std::move(of_capture[id.frame]);
       for (PoseAlternative& alternative : labelled[id].alternatives) alternative.rig += sets;
     }
   }

@@ -12,7 +12,7 @@ namespace volalign {
 /// Looks at captures through their lenses: depth findings, labels and initial poses. `capture` must
 /// outlive the result; `segmenter` may be null. Adds times to `clock`. Throws ConfigError for a
 /// choice (orientation.choose) that a sensor does not have.
-Seen Look(const CaptureSet& capture, FoundLenses found, Segmenter* segmenter,
+Seen Look(const CaptureSet& input, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock);
 
 /// The same through other lenses; labels and poses stay.

@@ -113,7 +113,7 @@ struct SensorAlternative {
 /// Another set of poses that explains the frames. Sensors that are not in it keep their poses.
 struct RigAlternative {
   double log_odds = 0;  ///< natural logarithm, of the reported poses against this set
-  std::string still;    ///< name of the capture with this choice, if there are several
+  std::string capture;  ///< name of the capture with this choice, if there are several
   std::vector<SensorAlternative> sensors;
 };
 
@@ -141,7 +141,7 @@ struct StackResult {
 };
 
 /// One capture's part of the result. Its geometry is in the structure where it stood then.
-struct StillResult : StackResult {
+struct CaptureResult : StackResult {
   std::string name;
   Pose first_from_placement = Pose::Identity();
   /// Covariance of delta, as for a pose; zero for the first capture.
@@ -157,7 +157,7 @@ struct CalibrationResult : StackResult {
   std::vector<RigFinding> findings;  ///< reasons to doubt all of it, the likeliest first
   /// Each of several captures, with its images, which `sensors` then do not have. Empty for a
   /// single capture.
-  std::vector<StillResult> stills;
+  std::vector<CaptureResult> captures;
 
   /// The worst of the sensors' statuses; with findings, weak at best.
   SensorStatus verdict() const;

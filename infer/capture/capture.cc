@@ -308,10 +308,10 @@ std::string ReadCaptureText(const std::filesystem::path& path) {
 
 }  // namespace
 
-std::vector<Still> StillsOf(std::vector<Capture> captures) {
+std::vector<Capture> NameCaptures(std::vector<CaptureFile> files) {
   const auto name_all = [&](const auto& name_of) {
     std::vector<std::string> names;
-    for (std::size_t i = 0; i < captures.size(); ++i) names.push_back(name_of(i));
+    for (std::size_t i = 0; i < files.size(); ++i) names.push_back(name_of(i));
     return names;
   };
   const auto serve = [](const std::vector<std::string>& names) {
@@ -319,20 +319,20 @@ std::vector<Still> StillsOf(std::vector<Capture> captures) {
            std::all_of(names.begin(), names.end(), IsFileName);
   };
   std::vector<std::string> names = {""};
-  if (captures.size() > 1) {
-    names = name_all([&](std::size_t i) { return captures[i].path.stem().string(); });
+  if (files.size() > 1) {
+    names = name_all([&](std::size_t i) { return files[i].path.stem().string(); });
     if (!serve(names)) {
       names = name_all([&](std::size_t i) {
-        return std::filesystem::absolute(captures[i].path).parent_path().filename().string();
+        return std::filesystem::absolute(files[i].path).parent_path().filename().string();
       });
     }
     if (!serve(names))
       names = name_all([](std::size_t i) { return fmt::format("still_{}", i + 1); });
   }
-  std::vector<Still> stills;
-  for (std::size_t i = 0; i < captures.size(); ++i)
-    stills.push_back({names[i], std::move(captures[i].sensors)});
-  return stills;
+  std::vector<Capture> captures;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    captures.push_back({names[i], std::move(files[i].sensors)});
+  return captures;
 }
 
 bool IsFileName(const std::string& name) {
@@ -340,7 +340,7 @@ bool IsFileName(const std::string& name) {
          name != "overview" && name != "merged" && name.find_first_of("/\\") == std::string::npos;
 }
 
-Capture ReadCapture(const std::filesystem::path& path) {
+CaptureFile ReadCapture(const std::filesystem::path& path) {
   const std::string name = path.string();
   const Json document = ParseStrictJson(ReadCaptureText(path), name);
   const JsonObject root(document, name);
@@ -350,7 +350,7 @@ Capture ReadCapture(const std::filesystem::path& path) {
     throw DataError(fmt::format("{}: format \"{}\" is unknown; this version reads \"{}\"", name,
                                 Shortened(root.Text("format")), kCaptureFormat));
   }
-  Capture capture;
+  CaptureFile capture;
   capture.path = path;
   const std::filesystem::path folder = path.parent_path();
   std::optional<double> scale;

@@ -10,7 +10,7 @@
 namespace volalign {
 
 /// The content of a capture.json (docs/formats.md), with its images.
-struct Capture {
+struct CaptureFile {
   std::filesystem::path path;
   std::vector<SensorFrame> sensors;
   std::optional<std::filesystem::path> structure;  ///< resolved against the JSON's folder
@@ -27,11 +27,11 @@ inline constexpr char kCaptureFormat[] = "volalign.capture/1";
 /// missing file. Throws DataError for bad JSON, unknown or duplicate keys, null, duplicate sensor
 /// names, another format, bad images, or sizes that differ from the intrinsics'. Messages are one
 /// line and name the file, the sensor and a remedy.
-Capture ReadCapture(const std::filesystem::path& path);
+CaptureFile ReadCapture(const std::filesystem::path& path);
 
 /// Gives captures of the same sensors names that serve as names of folders. The name is that of the
 /// file without its ending or, if that is not unique, of its folder, else still_1 and so on. A
 /// single capture has none.
-std::vector<Still> StillsOf(std::vector<Capture> captures);
+std::vector<Capture> NameCaptures(std::vector<CaptureFile> files);
 
 }  // namespace volalign

@@ -150,12 +150,12 @@ class Inspection {
       if (std::find(moved.begin(), moved.end(), i) == moved.end())
         boxes.push_back(structure.boxes()[i]);
     }
-    Structure still = structure;
-    if (!boxes.empty()) still = Structure::FromBoxes(structure.name(), std::move(boxes));
-    const bool on_floor = still.FloorHeight() < structure.FloorHeight() + kSamePlace;
+    Structure capture = structure;
+    if (!boxes.empty()) capture = Structure::FromBoxes(structure.name(), std::move(boxes));
+    const bool on_floor = capture.FloorHeight() < structure.FloorHeight() + kSamePlace;
     std::vector<Fit> poses(views_.size());
     ParallelFor(views_.size(), threads_,
-                [&](std::size_t i) { poses[i] = Find(i, on_floor ? still : structure); });
+                [&](std::size_t i) { poses[i] = Find(i, on_floor ? capture : structure); });
     return poses;
   }
 

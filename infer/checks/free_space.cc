@@ -51,8 +51,8 @@ class Pairs {
   }
 
   /// The sensor that shows most clearly that this one is elsewhere.
-  SeenThrough Clearest(std::size_t i, const std::vector<char>& out) const {
-    SeenThrough clearest;
+  FreeSpaceViolation Clearest(std::size_t i, const std::vector<char>& out) const {
+    FreeSpaceViolation clearest;
     clearest.other = size_;
     double least = 0;
     for (std::size_t j = 0; j < size_; ++j) {
@@ -75,12 +75,11 @@ class Pairs {
 
 }  // namespace
 
-std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const SensorView*>& views,
-                                                        const std::vector<Pose>& poses,
-                                                        const Structure& structure,
-                                                        double refuting_odds, int threads) {
+std::vector<std::optional<FreeSpaceViolation>> FindFreeSpaceViolations(
+    const std::vector<const SensorView*>& views, const std::vector<Pose>& poses,
+    const Structure& structure, double refuting_odds, int threads) {
   const Pairs pairs(views, poses, structure, threads);
-  std::vector<std::optional<SeenThrough>> found(views.size());
+  std::vector<std::optional<FreeSpaceViolation>> found(views.size());
   std::vector<char> out(views.size(), 0);
   for (std::size_t left = views.size(); left > 1; --left) {
     double least = -std::log(refuting_odds);

@@ -12,7 +12,7 @@
 namespace volalign {
 
 /// A sensor whose pose is refuted by points beside the structure, its own and the others'.
-struct SeenThrough {
+struct FreeSpaceViolation {
   std::size_t other = 0;  ///< the sensor that shows it most clearly
   std::string name;       ///< of that sensor; for the caller to set
   /// Share of the surfaces of each other that the two could have seen and that one sees through.
@@ -25,9 +25,8 @@ struct SeenThrough {
 /// that a single wrong one is named alone. If the others do not tell it from the sensor that shows
 /// it most clearly, both are named, as of two sensors. `views`: null ones take no part. `poses`:
 /// structure from sensor.
-std::vector<std::optional<SeenThrough>> FindSeenThrough(const std::vector<const SensorView*>& views,
-                                                        const std::vector<Pose>& poses,
-                                                        const Structure& structure,
-                                                        double refuting_odds, int threads);
+std::vector<std::optional<FreeSpaceViolation>> FindFreeSpaceViolations(
+    const std::vector<const SensorView*>& views, const std::vector<Pose>& poses,
+    const Structure& structure, double refuting_odds, int threads);
 
 }  // namespace volalign

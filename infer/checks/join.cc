@@ -44,19 +44,18 @@ std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
     const bool doubtful = !seen.labelled[id].other_pose.empty() || located->by_neighbours;
-    all.push_back(
-        {id, seen.capture->sensor_of[id], located->own_pose, doubtful ? kOpenToDoubt : 1});
+    all.push_back({id, seen.input->sensor_of[id], located->own_pose, doubtful ? kOpenToDoubt : 1});
   }
   return all;
 }
 
 /// The weight of the sensors that stand where they are known to if the stack stood at `placement`.
-double Support(const std::vector<Sighting>& sightings, std::size_t still, const Pose& placement,
+double Support(const std::vector<Sighting>& sightings, std::size_t capture, const Pose& placement,
                const Estimates& stands) {
   double support = 0;
   for (const Sighting& sighting : sightings) {
     const auto known = stands.find(sighting.sensor);
-    if (sighting.frame.still != still || known == stands.end()) continue;
+    if (sighting.frame.capture != capture || known == stands.end()) continue;
     const Pose here = placement * sighting.structure_from_sensor;
     double best = 0;
     for (const Estimate& stand : known->second) {
@@ -68,7 +67,7 @@ double Support(const std::vector<Sighting>& sightings, std::size_t still, const 
 }
 
 struct Found {
-  std::size_t still = 0;
+  std::size_t capture = 0;
   Pose first_from_placement = Pose::Identity();
   double support = 0;
 };
@@ -79,11 +78,12 @@ std::optional<Found> FindNext(const std::vector<Sighting>& sightings,
   std::optional<Found> best;
   for (const Sighting& sighting : sightings) {
     const auto known = stands.find(sighting.sensor);
-    if (joined[sighting.frame.still] || known == stands.end()) continue;
+    if (joined[sighting.frame.capture] || known == stands.end()) continue;
     for (const Estimate& stand : known->second) {
       const Pose placement = stand.first_from_sensor * sighting.structure_from_sensor.inverse();
-      const double support = Support(sightings, sighting.frame.still, placement, stands);
-      if (!best || support > best->support) best = Found{sighting.frame.still, placement, support};
+      const double support = Support(sightings, sighting.frame.capture, placement, stands);
+      if (!best || support > best->support)
+        best = Found{sighting.frame.capture, placement, support};
     }
   }
   return best;
@@ -106,18 +106,18 @@ const Estimate& MostAgreed(const std::vector<Estimate>& stands) {
 }
 
 Finding Contradiction(const Estimate& odd, const Estimate& agreed,
-                      const std::vector<Still>& stills) {
+                      const std::vector<Capture>& captures) {
   const PoseError apart = ComparePoses(odd.first_from_sensor, agreed.first_from_sensor);
   return {SensorCode::kDisagrees,
           fmt::format("the sensors that {0} and {3} have in common show that it moved between the "
                       "two, by {1:.2f} m and {2:.0f} deg",
-                      stills[odd.by->frame.still].name, apart.translation_m, apart.rotation_deg,
-                      stills[agreed.by->frame.still].name),
+                      captures[odd.by->frame.capture].name, apart.translation_m, apart.rotation_deg,
+                      captures[agreed.by->frame.capture].name),
           "between captures, move only the boxes, and stack them in the same way. Or leave this "
           "sensor out of one capture"};
 }
 
-Finding Unconnected(const Still& still, const Still& first, bool first_has_poses) {
+Finding Unconnected(const Capture& capture, const Capture& first, bool first_has_poses) {
   if (!first_has_poses) {
     return {
         SensorCode::kUnconnected,
@@ -125,47 +125,47 @@ Finding Unconnected(const Still& still, const Still& first, bool first_has_poses
                     first.name),
         fmt::format(
             "name another capture first, for example {}. Or calibrate {} alone to see why it fails",
-            still.name, first.name)};
+            capture.name, first.name)};
   }
   return {SensorCode::kUnconnected,
           fmt::format("it sees the stack in {}, but nothing connects this capture with {}: no "
                       "sensor sees the stack in both, not even through other captures",
-                      still.name, first.name),
+                      capture.name, first.name),
           "add a capture with the stack at a place where this sensor and one of the others see it"};
 }
 
 }  // namespace
 
-Stood JoinStills(const Seen& seen, const PerFrame<LocateResult>& results) {
-  const std::vector<Still>& stills = seen.capture->stills;
-  Stood stood{std::vector<Pose>(stills.size(), Pose::Identity()), {}};
+Stood JoinCaptures(const Seen& seen, const PerFrame<LocateResult>& results) {
+  const std::vector<Capture>& captures = seen.input->captures;
+  Stood stood{std::vector<Pose>(captures.size(), Pose::Identity()), {}};
   const std::vector<Sighting> sightings = SightingsIn(seen, results);
-  std::vector<char> joined(stills.size(), 0);
+  std::vector<char> joined(captures.size(), 0);
   Estimates stands;
-  const auto join = [&](std::size_t still, const Pose& placement) {
-    joined[still] = 1;
-    stood.first_from_stack[still] = placement;
+  const auto join = [&](std::size_t capture, const Pose& placement) {
+    joined[capture] = 1;
+    stood.first_from_stack[capture] = placement;
     for (const Sighting& sighting : sightings) {
-      if (sighting.frame.still != still) continue;
+      if (sighting.frame.capture != capture) continue;
       stands[sighting.sensor].push_back(
           {placement * sighting.structure_from_sensor, sighting.weight, &sighting});
     }
   };
   join(0, Pose::Identity());
   while (const std::optional<Found> next = FindNext(sightings, joined, stands))
-    join(next->still, next->first_from_placement);
+    join(next->capture, next->first_from_placement);
 
   for (const auto& [sensor, all] : stands) {
     const Estimate& agreed = MostAgreed(all);
     for (const Estimate& stand : all) {
       if (IsSame(stand.first_from_sensor, agreed.first_from_sensor)) continue;
-      stood.contradicted[stand.by->frame] = Contradiction(stand, agreed, stills);
+      stood.contradicted[stand.by->frame] = Contradiction(stand, agreed, captures);
     }
   }
   for (const Sighting& sighting : sightings) {
-    if (joined[sighting.frame.still]) continue;
+    if (joined[sighting.frame.capture]) continue;
     stood.contradicted[sighting.frame] =
-        Unconnected(stills[sighting.frame.still], stills.front(), !stands.empty());
+        Unconnected(captures[sighting.frame.capture], captures.front(), !stands.empty());
   }
   return stood;
 }

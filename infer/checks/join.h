@@ -20,6 +20,6 @@ struct Stood {
 /// half. A frame that says otherwise contradicts that (disagrees). So does a frame of a capture
 /// that no chain of sensors joins to the first (unconnected). Its stack is assumed to stand where
 /// it first did.
-Stood JoinStills(const Seen& seen, const PerFrame<LocateResult>& results);
+Stood JoinCaptures(const Seen& seen, const PerFrame<LocateResult>& results);
 
 }  // namespace volalign

@@ -67,7 +67,7 @@ class Search {
         lost_(lost),
         neighbours_(neighbours),
         options_(options),
-        structure_(seen.capture->structure),
+        structure_(seen.input->structure),
         labelled_(seen.labelled[lost]),
         points_(PointsOf(seen, lost, labelled_.segmentation, options)) {}
 
@@ -222,14 +222,14 @@ class Search {
 };
 
 /// The frames of one capture, in the frame of its stack.
-SomeFrames<FrameInput> OfStill(std::size_t still, const SomeFrames<FrameInput>& frames) {
-  SomeFrames<FrameInput> of_still;
+SomeFrames<FrameInput> OfCapture(std::size_t capture, const SomeFrames<FrameInput>& frames) {
+  SomeFrames<FrameInput> of_capture;
   for (auto [id, frame] : frames) {
-    if (id.still != still) continue;
-    frame.still = 0;
-    of_still[id] = frame;
+    if (id.capture != capture) continue;
+    frame.capture = 0;
+    of_capture[id] = frame;
   }
-  return of_still;
+  return of_capture;
 }
 
 }  // namespace
@@ -241,16 +241,16 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
   for (const FrameId id : results.Ids()) {
     const auto* failure = std::get_if<Finding>(&results[id]);
     if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
-    const SomeFrames<FrameInput> neighbours = OfStill(id.still, located);
+    const SomeFrames<FrameInput> neighbours = OfCapture(id.capture, located);
     if (neighbours.empty()) continue;
     const Search search(seen, id, neighbours, options);
     const std::optional<Candidate> found = search.Find();
     if (!found) continue;
     std::vector<std::string> names, in_doubt;
-    for (const auto& [other, sensor] : neighbours) names.push_back((*seen.capture)[other].name);
+    for (const auto& [other, sensor] : neighbours) names.push_back((*seen.input)[other].name);
     LocatedFrame frame;
     frame.own_pose = found->pose;
-    frame.points = PointsAt(seen, id, seen.capture->structure, found->pose, options);
+    frame.points = PointsAt(seen, id, seen.input->structure, found->pose, options);
     frame.by_neighbours = Finding{
         SensorCode::kByNeighbours,
         fmt::format(
@@ -259,7 +259,7 @@ PerFrame<LocateResult> LocateByNeighbours(const Seen& seen, PerFrame<LocateResul
         failure->hint};
     frame.rests_on = search.RestsOn(found->pose);
     for (const FrameId other : frame.rests_on) {
-      if (!seen.labelled[other].other_pose.empty()) in_doubt.push_back((*seen.capture)[other].name);
+      if (!seen.labelled[other].other_pose.empty()) in_doubt.push_back((*seen.input)[other].name);
     }
     if (!in_doubt.empty()) {
       frame.by_neighbours->code = SensorCode::kAmbiguous;

@@ -52,7 +52,7 @@ OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPo
   FrameInput input{std::move(points), start, 0};
   input.prior = prior;
   const RefinedFrame refined =
-      Refine(seen.capture->structure, {input}, alone, {seen.lenses.Of(id)}).frames.front();
+      Refine(seen.input->structure, {input}, alone, {seen.lenses.Of(id)}).frames.front();
   return {refined.structure_from_sensor, refined.covariance};
 }
 
@@ -104,13 +104,13 @@ OwnPose RefineTwice(const Seen& seen, FrameId id, const Labelled& labelled,
   const Pose pose = RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
                                 labelled.initial.structure_from_sensor, prior, options.refine)
                         .structure_from_sensor;
-  return RefineAlone(seen, id, PointsAt(seen, id, seen.capture->structure, pose, options), pose,
+  return RefineAlone(seen, id, PointsAt(seen, id, seen.input->structure, pose, options), pose,
                      prior, options.refine);
 }
 
 /// See LocateAlone.
 LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& options) {
-  const Structure& structure = seen.capture->structure;
+  const Structure& structure = seen.input->structure;
   const SensorView& view = seen.views[id];
   const Labelled& labelled = seen.labelled[id];
   const InitialPose& initial = labelled.initial;
@@ -154,7 +154,7 @@ bool IsOpen(const Finding& finding) {
 std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen, FrameId id,
                                                                const PosePrior& prior,
                                                                const LocateOptions& options) {
-  const Structure& structure = seen.capture->structure;
+  const Structure& structure = seen.input->structure;
   const SensorView& view = seen.views[id];
   LabelledPose at = LabelByPose(view, structure, prior.world_from_sensor, options.initial);
   Labelled labelled;
@@ -198,7 +198,7 @@ void GiveMoveHints(const std::vector<Labelled>& labelled, std::vector<LocateResu
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
                                              const LocateOptions& options) {
-  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.capture->structure,
+  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.input->structure,
                                      options.refine, kLeastConfidence);
   points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
@@ -220,7 +220,7 @@ PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
   PerFrame<LocateResult> results =
       MapFrames(seen.views, options.threads, [&](FrameId id) -> LocateResult {
         if (const std::optional<Finding>& failure = seen.depths[id].failure) return *failure;
-        const std::optional<AssemblyReport>& assembly = stack[id.still];
+        const std::optional<AssemblyReport>& assembly = stack[id.capture];
         if (assembly && Contains(assembly->mirrored_frames, id.frame)) return MirroredFrame();
         const bool altered = assembly && assembly->altered();
         if (altered && Contains(assembly->seen_by, id.frame)) return ExplainAlteredStack(*assembly);
@@ -229,26 +229,26 @@ PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
           return ExplainAlteredStack(*assembly);
         return result;
       });
-  for (std::size_t still = 0; still < results.stills(); ++still)
-    GiveMoveHints(seen.labelled.OfStill(still), &results.OfStill(still));
+  for (std::size_t capture = 0; capture < results.captures(); ++capture)
+    GiveMoveHints(seen.labelled.OfCapture(capture), &results.OfCapture(capture));
   return results;
 }
 
 PerFrame<LocateResult> LocateByPriors(PerFrame<LocateResult> results, const LocateOptions& options,
                                       Seen* seen) {
-  for (std::size_t still = 0; still < results.stills(); ++still) {
-    const std::vector<std::optional<PosePrior>> priors = PriorsOfStill(*seen->capture, still);
+  for (std::size_t capture = 0; capture < results.captures(); ++capture) {
+    const std::vector<std::optional<PosePrior>> priors = PriorsOfCapture(*seen->input, capture);
     std::vector<const PosePrior*> given;
     std::vector<std::vector<Pose>> poses;
     for (std::size_t i = 0; i < priors.size(); ++i) {
-      const auto* located = std::get_if<LocatedFrame>(&results[{still, i}]);
+      const auto* located = std::get_if<LocatedFrame>(&results[{capture, i}]);
       given.push_back(priors[i] ? &*priors[i] : nullptr);
       poses.push_back(located ? std::vector<Pose>{located->own_pose} : std::vector<Pose>{});
     }
     std::vector<WorldPlacement> worlds = FindWorlds(given, poses);
     if (worlds.empty()) continue;
     ParallelFor(priors.size(), options.threads, [&](std::size_t i) {
-      const FrameId id{still, i};
+      const FrameId id{capture, i};
       const auto* finding = std::get_if<Finding>(&results[id]);
       if (!priors[i] || !finding || !IsOpen(*finding)) return;
       PosePrior placed = *priors[i];
@@ -269,7 +269,7 @@ SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateRes
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
     frames[id] = {located->points, located->own_pose, static_cast<int>(seen.lenses.of_frame[id]),
-                  static_cast<int>(seen.capture->sensor_of[id]), static_cast<int>(id.still)};
+                  static_cast<int>(seen.input->sensor_of[id]), static_cast<int>(id.capture)};
   }
   return frames;
 }

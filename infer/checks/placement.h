@@ -23,7 +23,7 @@ namespace volalign {
 
 /// Everything that the frames show one by one, seen through their lenses.
 struct Seen {
-  const CaptureSet* capture = nullptr;  ///< has to outlive this
+  const CaptureSet* input = nullptr;  ///< has to outlive this
   LensSet lenses;
   PerFrame<SensorView> views;
   PerFrame<DepthFinding> depths;

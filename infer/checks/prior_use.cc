@@ -78,9 +78,9 @@ std::vector<PlacedFrame> FramesWithPriors(const Seen& seen, const PerFrame<Locat
   std::vector<PlacedFrame> frames;
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
-    const std::optional<PosePrior>& prior = (*seen.capture)[id].prior;
+    const std::optional<PosePrior>& prior = (*seen.input)[id].prior;
     if (!located || !prior) continue;
-    const Pose& placement = first_from_stack[id.still];
+    const Pose& placement = first_from_stack[id.capture];
     const Matrix6d turned = Adjoint(placement);
     frames.push_back({id, *prior, placement * located->own_pose,
                       turned * located->covariance * turned.transpose()});
@@ -105,11 +105,12 @@ double PlacedPrior::Chance() const {
   return std::exp(-misfit) * (1 + misfit + misfit * misfit / 2);
 }
 
-std::vector<std::optional<PosePrior>> PriorsOfStill(const CaptureSet& capture, std::size_t still) {
+std::vector<std::optional<PosePrior>> PriorsOfCapture(const CaptureSet& input,
+                                                      std::size_t capture) {
   std::vector<std::optional<PosePrior>> priors;
-  for (const SensorFrame& frame : capture.stills[still].frames) {
+  for (const SensorFrame& frame : input.captures[capture].frames) {
     priors.push_back(frame.prior);
-    if (still > 0 && priors.back()) priors.back() = Anywhere(*priors.back());
+    if (capture > 0 && priors.back()) priors.back() = Anywhere(*priors.back());
   }
   return priors;
 }
@@ -121,11 +122,11 @@ SomeFrames<PlacedPrior> PlacePriors(const Seen& seen, const PerFrame<LocateResul
 
 std::vector<RigFinding> ExplainPriors(const Seen& seen, const PerFrame<LocateResult>& results,
                                       const std::vector<Pose>& first_from_stack) {
-  const CaptureSet& capture = *seen.capture;
+  const CaptureSet& input = *seen.input;
   const SomeFrames<PlacedPrior> priors = PlacePriors(seen, results, first_from_stack);
   std::vector<RigFinding> findings;
   for (const auto& [id, placed] : priors) {
-    const std::string& name = capture[id].name;
+    const std::string& name = input[id].name;
     const bool known = std::any_of(findings.begin(), findings.end(), [&](const RigFinding& each) {
       return each.about.front() == name;
     });
@@ -148,8 +149,7 @@ std::vector<RigFinding> ExplainPriors(const Seen& seen, const PerFrame<LocateRes
       std::count_if(moved.begin(), moved.end(), [](const auto& each) { return each.second.used; });
   if (2 * static_cast<std::size_t>(agree) <= moved.size()) return findings;
   const auto& [id, placed] = *moved.begin();
-  const Pose motion =
-      placed.prior.world_from_sensor * capture[id].prior->world_from_sensor.inverse();
+  const Pose motion = placed.prior.world_from_sensor * input[id].prior->world_from_sensor.inverse();
   return {{RigCode::kPriorOff,
            {},
            fmt::format("{} of {} priors agree with each other, but the structure stands {} from "

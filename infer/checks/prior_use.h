@@ -25,7 +25,7 @@ struct PlacedPrior {
 
 /// The priors of the frames of a capture, if they have one. In all captures but the first, the
 /// structure stands anywhere in the priors' world.
-std::vector<std::optional<PosePrior>> PriorsOfStill(const CaptureSet& capture, std::size_t still);
+std::vector<std::optional<PosePrior>> PriorsOfCapture(const CaptureSet& input, std::size_t capture);
 
 /// The priors of all located frames. `first_from_stack`: for each capture.
 SomeFrames<PlacedPrior> PlacePriors(const Seen& seen, const PerFrame<LocateResult>& results,

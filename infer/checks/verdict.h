@@ -75,10 +75,10 @@ struct VerdictFacts {
   std::string other_pose;                            ///< Labelled::other_pose
   double log_odds = 0;                               ///< of the pose against that one, natural
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell
-  std::optional<SeenThrough> free_space_violation;   ///< FindSeenThrough
-  bool known_turns = false;                          ///< the capture gives its quarter_turns
-  std::optional<double> shape_log_odds;              ///< LocatedFrame::shape_log_odds
-  std::string unsettled;                             ///< last moves of the joint solution, or empty
+  std::optional<FreeSpaceViolation> free_space_violation;  ///< FindFreeSpaceViolations
+  bool known_turns = false;                                ///< the capture gives its quarter_turns
+  std::optional<double> shape_log_odds;                    ///< LocatedFrame::shape_log_odds
+  std::string unsettled;  ///< last moves of the joint solution, or empty
 };
 
 /// Formats the natural logarithm of odds: "3.2 : 1", "1 : 1.5"; beyond 1000 : 1 "over 1000 : 1".

@@ -70,12 +70,12 @@ std::vector<EvaluatedCase> Select(const Results& known, const std::vector<std::s
 }
 
 /// Throws DataError unless the capture of `item` has the sides that the network knows.
-void RequireSides(const EvaluationItem& item, const Structure& of_still, const Structure& known) {
-  if (of_still.SideNames() == known.SideNames()) return;
+void RequireSides(const EvaluationItem& item, const Structure& of_capture, const Structure& known) {
+  if (of_capture.SideNames() == known.SideNames()) return;
   throw DataError(fmt::format(
       "{}: the structure \"{}\" has other sides than \"{}\", which the network knows; train a "
       "network for it",
-      item.rig, of_still.name(), known.name()));
+      item.rig, of_capture.name(), known.name()));
 }
 
 /// The cases of one item, of the combinations `asked`.
@@ -83,7 +83,7 @@ std::vector<EvaluatedCase> EvaluateItem(const EvaluationItem& item,
                                         const std::vector<EvaluationVariant>& variants,
                                         const std::vector<EvaluationModel>& models,
                                         const std::vector<Combination>& asked) {
-  const EvaluationStill still = item.load();
+  const EvaluationCapture capture = item.load();
   std::vector<EvaluatedCase> cases;
   for (std::size_t m = 0; m < models.size(); ++m) {
     std::vector<EvaluationVariant> own;
@@ -91,8 +91,8 @@ std::vector<EvaluatedCase> EvaluateItem(const EvaluationItem& item,
       if (one.model == m) own.push_back({one.name, variants[one.variant].options});
     }
     if (own.empty()) continue;
-    RequireSides(item, still.structure, *models[m].structure);
-    for (EvaluatedCase& one : EvaluateStill(still, own, *models[m].segmenter)) {
+    RequireSides(item, capture.structure, *models[m].structure);
+    for (EvaluatedCase& one : EvaluateCapture(capture, own, *models[m].segmenter)) {
       one.rig = item.rig;
       one.sensors = item.sensors;
       one.seed = item.seed;

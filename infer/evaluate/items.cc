@@ -58,32 +58,32 @@ void SetPlacements(int count, double radius_m, Rig* rig) {
 
 }  // namespace
 
-EvaluationStill StillOf(const RigCapture& capture) {
-  EvaluationStill still;
-  still.structure = capture.structure;
-  for (const CapturedSensor& sensor : capture.sensors) {
+EvaluationCapture EvaluationCaptureOf(const RigCapture& rendered) {
+  EvaluationCapture capture;
+  capture.structure = rendered.structure;
+  for (const CapturedSensor& sensor : rendered.sensors) {
     SensorFrame frame;
     frame.name = sensor.name;
     frame.depth = sensor.depth;
     frame.intrinsics = sensor.stated_intrinsics;
     frame.sensor = sensor.sensor;
-    if (capture.structure_present) frame.ground_truth = sensor.structure_from_sensor;
-    still.frames.push_back(std::move(frame));
-    still.labels.push_back(sensor.labels);
+    if (rendered.structure_present) frame.ground_truth = sensor.structure_from_sensor;
+    capture.frames.push_back(std::move(frame));
+    capture.labels.push_back(sensor.labels);
   }
-  const Structure built = capture.structure.Displaced(capture.box_offsets, capture.size_scale);
-  still.nominal_from_built =
-      AlignPoints(Corners(built), Corners(capture.structure)).target_from_source;
-  return still;
+  const Structure built = rendered.structure.Displaced(rendered.box_offsets, rendered.size_scale);
+  capture.nominal_from_built =
+      AlignPoints(Corners(built), Corners(rendered.structure)).target_from_source;
+  return capture;
 }
 
-EvaluationStill StillOf(const std::vector<RigCapture>& placements) {
-  EvaluationStill still = StillOf(placements.front());
+EvaluationCapture EvaluationCaptureOf(const std::vector<RigCapture>& placements) {
+  EvaluationCapture capture = EvaluationCaptureOf(placements.front());
   for (std::size_t k = 1; k < placements.size(); ++k) {
-    EvaluationStill other = StillOf(placements[k]);
-    still.further.push_back({std::move(other.frames), std::move(other.labels)});
+    EvaluationCapture other = EvaluationCaptureOf(placements[k]);
+    capture.further.push_back({std::move(other.frames), std::move(other.labels)});
   }
-  return still;
+  return capture;
 }
 
 EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sensors,
@@ -101,16 +101,16 @@ EvaluationItem RigItem(const std::string& name, Rig rig, const std::string& sens
   }
   item.identity = WriteConfig(rig) + ReadStructure(rig.structure).Hash() +
                   Sha256(ReadFile(FindInputFile(rig.intrinsics), kMaxTextBytes));
-  item.load = [rig, renderer] { return StillOf(RenderPlacements(rig, *renderer)); };
+  item.load = [rig, renderer] { return EvaluationCaptureOf(RenderPlacements(rig, *renderer)); };
   return item;
 }
 
 EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& structure) {
-  const Capture capture = ReadCapture(path);
+  const CaptureFile source = ReadCapture(path);
   EvaluationItem item;
   item.rig = path.string();
   item.identity = Sha256(ReadFile(path, kMaxTextBytes));
-  for (const SensorFrame& frame : capture.sensors) {
+  for (const SensorFrame& frame : source.sensors) {
     for (const std::string& file : frame.depth_files) {
       item.identity += Sha256(ReadFile(path.parent_path() / file, kMaxRecordingBytes));
     }
@@ -119,11 +119,11 @@ EvaluationItem CaptureItem(const std::filesystem::path& path, const Structure& s
     item.identity +=
         fmt::format(" {} {} {} {} {}", k.fx, k.fy, k.cx, k.cy, fmt::join(k.distortion, " "));
   }
-  EvaluationStill still;
-  still.structure = capture.structure ? ReadStructure(capture.structure->string()) : structure;
-  item.identity += still.structure.Hash();
-  still.frames = capture.sensors;
-  item.load = [still] { return still; };
+  EvaluationCapture capture;
+  capture.structure = source.structure ? ReadStructure(source.structure->string()) : structure;
+  item.identity += capture.structure.Hash();
+  capture.frames = source.sensors;
+  item.load = [capture] { return capture; };
   return item;
 }
 

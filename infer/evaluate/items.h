@@ -19,20 +19,20 @@ class DepthRenderer;
 
 /// The same sensors while the structure stands elsewhere. Frames are in the order of the first
 /// capture.
-struct FurtherStill {
+struct FurtherCapture {
   std::vector<SensorFrame> frames;
   std::vector<LabelImage> labels;
 };
 
 /// A capture of a rig, or the first of several, with the truth about it.
-struct EvaluationStill {
+struct EvaluationCapture {
   Structure structure;              ///< nominal
   std::vector<SensorFrame> frames;  ///< with ground truth if there is one
   std::vector<LabelImage> labels;   ///< true labels of each sensor; empty for a real capture
   /// Best rigid fit of the boxes' corners as they stand onto the nominal ones. No capture can tell
   /// the nominal frame from the one in which the boxes' displacements average out.
   Pose nominal_from_built = Pose::Identity();
-  std::vector<FurtherStill> further;  ///< of the other placements
+  std::vector<FurtherCapture> further;  ///< of the other placements
 };
 
 /// A capture that is made when its turn comes.
@@ -42,14 +42,14 @@ struct EvaluationItem {
   std::optional<std::uint64_t> seed;
   int placements = 1;
   std::string identity;  ///< everything that the capture depends on
-  std::function<EvaluationStill()> load;
+  std::function<EvaluationCapture()> load;
 };
 
 /// The capture of a rendered rig.
-EvaluationStill StillOf(const RigCapture& capture);
+EvaluationCapture EvaluationCaptureOf(const RigCapture& capture);
 
 /// The captures of a rig's placements; not empty.
-EvaluationStill StillOf(const std::vector<RigCapture>& placements);
+EvaluationCapture EvaluationCaptureOf(const std::vector<RigCapture>& placements);
 
 /// A rig to render. `sensors`, if not empty, replaces every sensor's own model, at the pool's own
 /// image size. The renderer must outlive the item. Throws IoError if the structure or the

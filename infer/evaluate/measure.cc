@@ -89,31 +89,33 @@ EvaluatedErrors ErrorsOf(const FrameResult& sensor, const Pose& truth) {
 }
 
 /// Does sensor i truly see enough in one capture? None if that is not known.
-std::optional<bool> SidesFixPoseOf(const EvaluationStill& still, std::size_t i) {
-  if (i >= still.labels.size()) return std::nullopt;
-  return SeesAPose(still.structure, still.labels[i]) ||
-         std::any_of(still.further.begin(), still.further.end(), [&](const FurtherStill& other) {
-           return SeesAPose(still.structure, other.labels.at(i));
-         });
+std::optional<bool> SidesFixPoseOf(const EvaluationCapture& capture, std::size_t i) {
+  if (i >= capture.labels.size()) return std::nullopt;
+  return SeesAPose(capture.structure, capture.labels[i]) ||
+         std::any_of(capture.further.begin(), capture.further.end(),
+                     [&](const FurtherCapture& other) {
+                       return SeesAPose(capture.structure, other.labels.at(i));
+                     });
 }
 
 /// The captures to be calibrated together.
-std::vector<Still> StillsOf(const EvaluationStill& still) {
-  std::vector<Still> stills{{"placement_1", still.frames}};
-  for (const FurtherStill& other : still.further) {
-    stills.push_back({fmt::format("placement_{}", stills.size() + 1), other.frames});
+std::vector<Capture> NameCaptures(const EvaluationCapture& capture) {
+  std::vector<Capture> captures{{"placement_1", capture.frames}};
+  for (const FurtherCapture& other : capture.further) {
+    captures.push_back({fmt::format("placement_{}", captures.size() + 1), other.frames});
   }
-  return stills;
+  return captures;
 }
 
 /// `i`: index of the sensor's frame.
-EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const EvaluationStill& still) {
-  const SensorFrame& frame = still.frames[i];
+EvaluatedSensor Measure(const FrameResult& result, std::size_t i,
+                        const EvaluationCapture& capture) {
+  const SensorFrame& frame = capture.frames[i];
   EvaluatedSensor sensor;
   sensor.name = result.name;
   sensor.status = result.status;
   sensor.code = result.code;
-  sensor.sides_fix_pose = SidesFixPoseOf(still, i);
+  sensor.sides_fix_pose = SidesFixPoseOf(capture, i);
   if (!result.structure_from_sensor) return sensor;
   sensor.sides = static_cast<int>(result.sides.size());
   sensor.initial_rms_to_structure_m = result.initial_rms_to_structure_m;
@@ -122,26 +124,26 @@ EvaluatedSensor Measure(const FrameResult& result, std::size_t i, const Evaluati
   sensor.sigma = result.covariance.diagonal().cwiseSqrt();
   if (frame.ground_truth) {
     sensor.nominal = ErrorsOf(result, *frame.ground_truth);
-    sensor.built = ErrorsOf(result, still.nominal_from_built * *frame.ground_truth);
+    sensor.built = ErrorsOf(result, capture.nominal_from_built * *frame.ground_truth);
   }
   return sensor;
 }
 
 }  // namespace
 
-std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
-                                         const std::vector<EvaluationVariant>& variants,
-                                         Segmenter& segmenter) {
+std::vector<EvaluatedCase> EvaluateCapture(const EvaluationCapture& capture,
+                                           const std::vector<EvaluationVariant>& variants,
+                                           Segmenter& segmenter) {
   SharedSegmenter shared(&segmenter);
   std::vector<EvaluatedCase> cases;
   for (const EvaluationVariant& variant : variants) {
     const CalibrationResult calibration =
-        Calibrate(StillsOf(still), still.structure, shared, variant.options);
+        Calibrate(NameCaptures(capture), capture.structure, shared, variant.options);
     EvaluatedCase one;
     one.variant = variant.name;
     one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};
     for (std::size_t i = 0; i < calibration.sensors.size(); ++i) {
-      one.results.push_back(Measure(calibration.sensors[i], i, still));
+      one.results.push_back(Measure(calibration.sensors[i], i, capture));
     }
     cases.push_back(std::move(one));
   }

@@ -53,8 +53,8 @@ struct EvaluatedCase {
 
 /// Calibrates a capture, or all placements together, under each variant. The network sees each
 /// frame once. Poses are compared in the frame of the first capture.
-std::vector<EvaluatedCase> EvaluateStill(const EvaluationStill& still,
-                                         const std::vector<EvaluationVariant>& variants,
-                                         Segmenter& segmenter);
+std::vector<EvaluatedCase> EvaluateCapture(const EvaluationCapture& capture,
+                                           const std::vector<EvaluationVariant>& variants,
+                                           Segmenter& segmenter);
 
 }  // namespace volalign

@@ -155,9 +155,11 @@ std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& struct
 }
 
 double FloorMargin(const SensorView& view, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor) {
+                   const std::vector<StructureSymmetry>& symmetries,
+                   const Pose& structure_from_sensor) {
   std::vector<Pose> poses = {structure_from_sensor};
-  for (const StructureAlias& alias : aliases) poses.push_back(alias.motion * structure_from_sensor);
+  for (const StructureSymmetry& symmetry : symmetries)
+    poses.push_back(symmetry.motion * structure_from_sensor);
   const std::vector<FloorFit> floors = FindFloors(view, structure, poses);
   double margin = std::numeric_limits<double>::infinity();
   for (std::size_t a = 1; a < poses.size(); ++a)

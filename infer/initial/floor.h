@@ -54,6 +54,7 @@ std::vector<FloorFit> FindFloors(const SensorView& view, const Structure& struct
 /// The evidence of the floor for a pose rather than for any symmetry of it: the least difference of
 /// FloorFit::LogOdds; infinity without symmetries.
 double FloorMargin(const SensorView& view, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const Pose& structure_from_sensor);
+                   const std::vector<StructureSymmetry>& symmetries,
+                   const Pose& structure_from_sensor);
 
 }  // namespace volalign

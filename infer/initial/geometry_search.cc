@@ -144,11 +144,11 @@ class Search {
   }
 
   /// The poses, then their symmetric poses.
-  Poses WithAliases(const Poses& poses, const std::vector<StructureAlias>& aliases) const {
+  Poses WithSymmetries(const Poses& poses, const std::vector<StructureSymmetry>& symmetries) const {
     Poses moved;
     for (const GeometricPose& pose : poses) {
-      for (const StructureAlias& alias : aliases)
-        moved.push_back(Measured(alias.motion * pose.structure_from_sensor, false));
+      for (const StructureSymmetry& symmetry : symmetries)
+        moved.push_back(Measured(symmetry.motion * pose.structure_from_sensor, false));
     }
     SortByGain(&moved);
     Poses all = poses;
@@ -273,7 +273,7 @@ std::optional<GeometricPose> FindBestOnFloors(const SurfaceInRoom& view,
 }
 
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
-                                               const std::vector<StructureAlias>& aliases) {
+                                               const std::vector<StructureSymmetry>& symmetries) {
   const SurfaceInRoom surface = LookAround(view, structure);
   const Search search(surface, structure);
   const Poses on_floors = search.CandidatesOnFloors(false);
@@ -286,7 +286,7 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
     if (search.BestWithFloor(others) > search.BestWithFloor(found)) found = std::move(others);
   }
   found = Compete(std::move(found), structure);
-  return Compete(search.WithAliases(found, aliases), structure);
+  return Compete(search.WithSymmetries(found, symmetries), structure);
 }
 
 std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,

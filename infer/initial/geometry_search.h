@@ -39,7 +39,7 @@ inline bool HasShape(const ViewFit& shape) { return shape.LogOdds() > 0; }
 /// the height is searched too. The best candidates are brought onto the boxes (box_fit.h) and
 /// verified (view_fit.h).
 std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Structure& structure,
-                                               const std::vector<StructureAlias>& aliases);
+                                               const std::vector<StructureSymmetry>& symmetries);
 
 /// The pose on a floor, else on a table, with the largest ViewFit::Gain, whether or not the
 /// structure has its shape there. The search is coarser and some ten times as fast, for one

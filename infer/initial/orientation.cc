@@ -44,7 +44,8 @@ void TakeHypothesis(const LabelContext& context, const LabelRequest& from, const
   for (const OrientationTrial* trial : trials) of_trials.push_back(&trial->segmentation);
   out->quarter_turns =
       from.quarter_turns == kAutoTurns ? chosen.turns : trials[chosen.trial]->turns;
-  out->segmentation = LabelsAt(*from.view, context.structure, context.aliases, chosen, of_trials);
+  out->segmentation =
+      LabelsAt(*from.view, context.structure, context.symmetries, chosen, of_trials);
   out->initial = EstimateInitialPose(*from.view, out->segmentation, context.structure,
                                      context.initial, &chosen.structure_from_sensor);
 }
@@ -66,7 +67,7 @@ SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& f
                      static_cast<std::size_t>(only - trials.begin()), -1,
                      from.quarter_turns == kAutoTurns ? (*only)->turns : 0}};
   } else {
-    sensor.poses = FindHypotheses(*from.view, context.structure, context.aliases, trials,
+    sensor.poses = FindHypotheses(*from.view, context.structure, context.symmetries, trials,
                                   from.quarter_turns != kAutoTurns, context.initial);
   }
   return sensor;
@@ -93,7 +94,7 @@ Labelled TakePose(const LabelContext& context, const LabelRequest& from, const T
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
     out.source = PoseSource::kGeometry;
-  } else if (choice.found && best.alias < 0 && Settled(*trials[best.trial])) {
+  } else if (choice.found && best.symmetry < 0 && Settled(*trials[best.trial])) {
     TakeTrial(*trials[best.trial], &out);
   } else if (choice.found && best.by_depth + best.by_outline + best.by_own_labels >= 0) {
     TakeHypothesis(context, from, trials, best, &out);
@@ -109,7 +110,7 @@ Labelled TakePose(const LabelContext& context, const LabelRequest& from, const T
 std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const Structure& structure,
                                  Segmenter* segmenter, const InitialPoseOptions& initial,
                                  int threads, StageClock* clock) {
-  const LabelContext context{views,   structure, FindAliases(structure), segmenter, initial,
+  const LabelContext context{views,   structure, FindSymmetries(structure), segmenter, initial,
                              threads, clock};
   std::vector<OrientationTrial> all;
   if (segmenter && initial.method != PoseMethod::kGeometry)

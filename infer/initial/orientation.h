@@ -78,7 +78,7 @@ struct Labelled {
 /// that this does not settle is tried in the three others. Sensors of a rig are usually mounted
 /// alike, so the turn that settles it is tried next on the other open views. Views that stay open
 /// are tried in all four. Where not exactly one orientation is beyond doubt, the poses of all
-/// orientations and their symmetries (StructureAlias) are hypotheses. Unless `initial.method`
+/// orientations and their symmetries (StructureSymmetry) are hypotheses. Unless `initial.method`
 /// leaves geometry out, it proposes poses too (FindPosesByGeometry). Without a `segmenter` (null),
 /// it proposes all of them. Frames of one size go through the network together. Adds "segmentation"
 /// and "initial_pose" to `clock`.

@@ -46,7 +46,7 @@ std::vector<OrientationTrial> Try(const LabelContext& context, const Orientation
     const ViewExplanation explanation = ExplainView(
         Decimate(view, stride), &labels, context.structure, pose, kRoughPose, kLeastConfidence);
     trial.by_view = explanation.LogOddsByDepth() + explanation.LogOddsByLabels();
-    trial.by_floor = FloorMargin(view, context.structure, context.aliases, pose);
+    trial.by_floor = FloorMargin(view, context.structure, context.symmetries, pose);
   });
   context.clock->Lap("initial_pose");
   return trials;

@@ -18,7 +18,7 @@ namespace volalign::pose_internal {
 struct LabelContext {
   const std::vector<LabelRequest>& views;
   const Structure& structure;
-  const std::vector<StructureAlias> aliases;
+  const std::vector<StructureSymmetry> symmetries;
   Segmenter* segmenter;
   const InitialPoseOptions& initial;
   int threads;

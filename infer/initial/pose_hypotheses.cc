@@ -22,10 +22,10 @@ constexpr double kLabelsStay = 0.005;
 
 /// A trial's labels, as the sides have them after the motion of the hypothesis' symmetry.
 SegmentationResult Renamed(SegmentationResult of_trial, const Hypothesis& hypothesis,
-                           const std::vector<StructureAlias>& aliases) {
-  if (hypothesis.alias < 0) return of_trial;
+                           const std::vector<StructureSymmetry>& symmetries) {
+  if (hypothesis.symmetry < 0) return of_trial;
   const std::vector<std::uint8_t>& after =
-      aliases[static_cast<std::size_t>(hypothesis.alias)].label_after;
+      symmetries[static_cast<std::size_t>(hypothesis.symmetry)].label_after;
   for (std::uint8_t& label : of_trial.labels)
     label = label < after.size() ? after[label] : std::uint8_t{0};
   return of_trial;
@@ -45,18 +45,18 @@ Coarse Decimated(const SensorView& view, const Trials& trials) {
   return coarse;
 }
 
-std::vector<Hypothesis> OfTrials(const std::vector<StructureAlias>& aliases, const Trials& trials,
-                                 bool known_up) {
+std::vector<Hypothesis> OfTrials(const std::vector<StructureSymmetry>& symmetries,
+                                 const Trials& trials, bool known_up) {
   std::vector<Hypothesis> poses;
   for (std::size_t t = 0; t < trials.size(); ++t) {
     if (!trials[t]->initial.found) continue;
     const Pose& pose = trials[t]->initial.structure_from_sensor;
     const int turns = known_up ? 0 : trials[t]->turns;
     poses.push_back({pose, PoseSource::kNetwork, t, -1, turns});
-    for (std::size_t a = 0; a < aliases.size(); ++a) {
-      if (aliases[a].keeps_up() || !known_up)
-        poses.push_back({aliases[a].motion * pose, PoseSource::kNetwork, t, static_cast<int>(a),
-                         (turns + (aliases[a].keeps_up() ? 0 : 2)) % 4});
+    for (std::size_t a = 0; a < symmetries.size(); ++a) {
+      if (symmetries[a].keeps_up() || !known_up)
+        poses.push_back({symmetries[a].motion * pose, PoseSource::kNetwork, t, static_cast<int>(a),
+                         (turns + (symmetries[a].keeps_up() ? 0 : 2)) % 4});
     }
   }
   return poses;
@@ -65,8 +65,8 @@ std::vector<Hypothesis> OfTrials(const std::vector<StructureAlias>& aliases, con
 /// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Every
 /// pose is therefore estimated again before it is judged, once for all that are about the same.
 void EstimateAgain(const Coarse& coarse, const Structure& structure,
-                   const std::vector<StructureAlias>& aliases, const InitialPoseOptions& options,
-                   std::vector<Hypothesis>* poses) {
+                   const std::vector<StructureSymmetry>& symmetries,
+                   const InitialPoseOptions& options, std::vector<Hypothesis>* poses) {
   std::vector<const SegmentationResult*> of_trials;
   for (const SegmentationResult& labels : coarse.labels) of_trials.push_back(&labels);
   std::vector<std::pair<Pose, Pose>> known;  // before and after
@@ -77,7 +77,7 @@ void EstimateAgain(const Coarse& coarse, const Structure& structure,
     });
     if (same == known.end()) {
       const InitialPose again = EstimateInitialPose(
-          coarse.view, LabelsAt(coarse.view, structure, aliases, each, of_trials), structure,
+          coarse.view, LabelsAt(coarse.view, structure, symmetries, each, of_trials), structure,
           options, &pose);
       known.emplace_back(pose, again.found ? again.structure_from_sensor : pose);
       same = known.end() - 1;
@@ -89,10 +89,10 @@ void EstimateAgain(const Coarse& coarse, const Structure& structure,
 /// The turns of poses found by geometry follow from the side of the picture that is up, as compared
 /// with a pose of the network.
 void AddGeometry(const SensorView& view, const Structure& structure,
-                 const std::vector<StructureAlias>& aliases, bool known_up,
+                 const std::vector<StructureSymmetry>& symmetries, bool known_up,
                  std::vector<Hypothesis>* poses) {
   const std::vector<Hypothesis> of_trials = *poses;
-  for (const GeometricPose& found : FindPosesByGeometry(view, structure, aliases)) {
+  for (const GeometricPose& found : FindPosesByGeometry(view, structure, symmetries)) {
     const Pose& pose = found.structure_from_sensor;
     Hypothesis each{pose, PoseSource::kGeometry};
     if (!of_trials.empty() && known_up &&
@@ -120,18 +120,19 @@ bool AsksGeometry(PoseMethod method) {
 }
 
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
-                                       const std::vector<StructureAlias>& aliases,
+                                       const std::vector<StructureSymmetry>& symmetries,
                                        const Trials& trials, bool known_up,
                                        const InitialPoseOptions& initial) {
-  std::vector<Hypothesis> poses = OfTrials(aliases, trials, known_up);
-  if (!poses.empty()) EstimateAgain(Decimated(view, trials), structure, aliases, initial, &poses);
-  if (AsksGeometry(initial.method)) AddGeometry(view, structure, aliases, known_up, &poses);
-  WeighHypotheses(view, structure, aliases, trials, &poses);
+  std::vector<Hypothesis> poses = OfTrials(symmetries, trials, known_up);
+  if (!poses.empty())
+    EstimateAgain(Decimated(view, trials), structure, symmetries, initial, &poses);
+  if (AsksGeometry(initial.method)) AddGeometry(view, structure, symmetries, known_up, &poses);
+  WeighHypotheses(view, structure, symmetries, trials, &poses);
   return poses;
 }
 
 void WeighHypotheses(const SensorView& view, const Structure& structure,
-                     const std::vector<StructureAlias>& aliases, const Trials& trials,
+                     const std::vector<StructureSymmetry>& symmetries, const Trials& trials,
                      std::vector<Hypothesis>* hypotheses) {
   const Coarse coarse = Decimated(view, trials);
   std::vector<Pose> poses;
@@ -155,7 +156,7 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
     each.by_outline = best.LogOddsByOutline();
     labels_speak = labels_speak || each.by_outline > 0;
     if (each.source == PoseSource::kNetwork) {
-      const SegmentationResult own = Renamed(coarse.labels[each.trial], each, aliases);
+      const SegmentationResult own = Renamed(coarse.labels[each.trial], each, symmetries);
       each.by_own_labels = explain(&own).LogOddsByLabels();
     }
   }
@@ -164,10 +165,10 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
 }
 
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
-                            const std::vector<StructureAlias>& aliases,
+                            const std::vector<StructureSymmetry>& symmetries,
                             const Hypothesis& hypothesis,
                             const std::vector<const SegmentationResult*>& of_trials) {
-  SegmentationResult labels = Renamed(*of_trials[hypothesis.trial], hypothesis, aliases);
+  SegmentationResult labels = Renamed(*of_trials[hypothesis.trial], hypothesis, symmetries);
   std::vector<const SegmentationResult*> sources = of_trials;
   sources.erase(sources.begin() + static_cast<std::ptrdiff_t>(hypothesis.trial));
   sources.insert(sources.begin(), &labels);
@@ -195,8 +196,8 @@ SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
         if (d < nearest.distance) nearest = {other, confidence, d};
       };
       consider(label);
-      for (const StructureAlias& alias : aliases) {
-        if (label < alias.label_after.size()) consider(alias.label_after[label]);
+      for (const StructureSymmetry& symmetry : symmetries) {
+        if (label < symmetry.label_after.size()) consider(symmetry.label_after[label]);
       }
     }
     if (nearest.label == 0) return;

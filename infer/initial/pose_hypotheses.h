@@ -29,7 +29,7 @@ struct Hypothesis {
   Pose structure_from_sensor = Pose::Identity();
   PoseSource source = PoseSource::kNetwork;
   std::size_t trial = 0;  ///< index of its trial, if it is the network's
-  int alias = -1;         ///< index of the symmetry that moved the trial's pose; -1: none
+  int symmetry = -1;      ///< index of the symmetry that moved the trial's pose; -1: none
   int turns = 0;  ///< into the network's orientation; 0 also where they are given or not known
   double by_depth = 0;
   double by_floor = 0;
@@ -47,14 +47,14 @@ bool AsksGeometry(PoseMethod method);
 /// orientation is given. Symmetries that turn the structure over are then left out, as are
 /// geometry's poses that turn it over against all of the trials'.
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
-                                       const std::vector<StructureAlias>& aliases,
+                                       const std::vector<StructureSymmetry>& symmetries,
                                        const std::vector<const OrientationTrial*>& trials,
                                        bool known_up, const InitialPoseOptions& initial);
 
 /// Sets the evidence of each hypothesis. If the labels' outline speaks for none of them, labels do
 /// not count. Beyond the distances that it was trained for, a network labels the room.
 void WeighHypotheses(const SensorView& view, const Structure& structure,
-                     const std::vector<StructureAlias>& aliases,
+                     const std::vector<StructureSymmetry>& symmetries,
                      const std::vector<const OrientationTrial*>& trials,
                      std::vector<Hypothesis>* hypotheses);
 
@@ -65,7 +65,7 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
 /// these have after each symmetry. A network that sees only a part of the structure takes some
 /// boxes for their neighbours.
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
-                            const std::vector<StructureAlias>& aliases,
+                            const std::vector<StructureSymmetry>& symmetries,
                             const Hypothesis& hypothesis,
                             const std::vector<const SegmentationResult*>& of_trials);
 

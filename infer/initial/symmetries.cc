@@ -122,35 +122,36 @@ int CountMoved(const std::vector<Box>& boxes, const KdTree& middles, const Pose&
 
 }  // namespace
 
-std::vector<StructureAlias> FindAliases(const Structure& structure) {
+std::vector<StructureSymmetry> FindSymmetries(const Structure& structure) {
   const std::vector<Box>& boxes = structure.boxes();
   const KdTree middles = MiddlesOf(boxes);
-  std::vector<StructureAlias> aliases;
+  std::vector<StructureSymmetry> symmetries;
   for (const Eigen::Matrix3d& turn : TurnsBetween(boxes)) {
-    const std::size_t first = aliases.size();
+    const std::size_t first = symmetries.size();
     for (const Box& from : boxes) {
       for (const Box& to : boxes) {
-        StructureAlias alias;
-        alias.motion.linear() = turn;
-        alias.motion.translation() =
+        StructureSymmetry symmetry;
+        symmetry.motion.linear() = turn;
+        symmetry.motion.translation() =
             to.structure_from_box.translation() - turn * from.structure_from_box.translation();
-        const auto same = [&](const StructureAlias& other) {
-          return (other.motion.translation() - alias.motion.translation()).norm() < kSameMotion;
+        const auto same = [&](const StructureSymmetry& other) {
+          return (other.motion.translation() - symmetry.motion.translation()).norm() < kSameMotion;
         };
         const bool identity =
-            turn.trace() > 1 + 2 * kAligned && alias.motion.translation().norm() < kSameMotion;
-        if (identity || !BringsOnto(alias.motion, from, to) ||
-            std::any_of(aliases.begin() + static_cast<std::ptrdiff_t>(first), aliases.end(), same))
+            turn.trace() > 1 + 2 * kAligned && symmetry.motion.translation().norm() < kSameMotion;
+        if (identity || !BringsOnto(symmetry.motion, from, to) ||
+            std::any_of(symmetries.begin() + static_cast<std::ptrdiff_t>(first), symmetries.end(),
+                        same))
           continue;
-        alias.boxes = CountMoved(boxes, middles, alias.motion);
-        if (alias.boxes == 0) continue;
-        alias.label_after = LabelsAfter(structure, alias.motion);
-        aliases.push_back(std::move(alias));
+        symmetry.boxes = CountMoved(boxes, middles, symmetry.motion);
+        if (symmetry.boxes == 0) continue;
+        symmetry.label_after = LabelsAfter(structure, symmetry.motion);
+        symmetries.push_back(std::move(symmetry));
       }
     }
   }
-  SortLargestFirst(&aliases, [](const StructureAlias& alias) { return alias.boxes; });
-  return aliases;
+  SortLargestFirst(&symmetries, [](const StructureSymmetry& symmetry) { return symmetry.boxes; });
+  return symmetries;
 }
 
 bool SamePose(const Structure& structure, const Pose& a, const Pose& b) {

@@ -14,7 +14,7 @@ namespace volalign {
 /// The paper's stack has two kinds. Half a turn about a horizontal diagonal moves every box onto a
 /// box. A step of its spiral, a quarter turn and one box higher or lower, moves all but one. Where
 /// a view does not show the rest, the shape cannot tell a pose from motion * pose.
-struct StructureAlias {
+struct StructureSymmetry {
   Pose motion = Pose::Identity();         ///< in the structure frame
   std::vector<std::uint8_t> label_after;  ///< by a side's label: its label after the motion, or 0
   int boxes = 0;                          ///< number of boxes that it brings onto a box
@@ -22,7 +22,7 @@ struct StructureAlias {
 };
 
 /// Every such motion except the identity. Motions that move the most boxes onto boxes come first.
-std::vector<StructureAlias> FindAliases(const Structure& structure);
+std::vector<StructureSymmetry> FindSymmetries(const Structure& structure);
 
 /// Are these estimates of about the same pose? The motion between them then moves no corner of the
 /// structure by more than half of its smallest edge, limited to 3 to 20 cm. Steps and turns that

@@ -156,7 +156,7 @@ bool LookAlike(const Structure& structure, const Rays& rays, const Pose& pose,
   return all.either > 0 && all.share() >= kLookAlike;
 }
 
-TargetView MeasureView(const Structure& structure, const std::vector<StructureAlias>& aliases,
+TargetView MeasureView(const Structure& structure, const std::vector<StructureSymmetry>& symmetries,
                        const Pose& pose, const Rays& all_rays) {
   TargetView out;
   const RayTable& rays = all_rays.all;
@@ -172,8 +172,8 @@ TargetView MeasureView(const Structure& structure, const std::vector<StructureAl
   out.weakest_m = WeakestSigma(PatchInformation(view, rays, structure, pose) +
                                EdgeInformation(view, rays, pose));
   const DepthImage coarse = CastView(structure, all_rays.coarse, pose).depth;
-  for (std::size_t k = 0; k < aliases.size(); ++k) {
-    if (LookAlike(structure, all_rays, aliases[k].motion * pose, view.depth, coarse))
+  for (std::size_t k = 0; k < symmetries.size(); ++k) {
+    if (LookAlike(structure, all_rays, symmetries[k].motion * pose, view.depth, coarse))
       out.look_alike.push_back(static_cast<int>(k));
   }
   return out;
@@ -185,11 +185,12 @@ TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions&
                             const CountDone& count) {
   TargetQuality quality;
   quality.options = options;
-  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
   const auto boxes = static_cast<int>(structure.boxes().size());
-  for (const StructureAlias& alias : aliases) {
-    quality.aliases.push_back({DescribeMotion(Pose::Identity(), alias.motion), alias.boxes,
-                               alias.boxes == boxes, LeavesFloor(Pose::Identity(), alias.motion)});
+  for (const StructureSymmetry& symmetry : symmetries) {
+    quality.symmetries.push_back({DescribeMotion(Pose::Identity(), symmetry.motion), symmetry.boxes,
+                                  symmetry.boxes == boxes,
+                                  LeavesFloor(Pose::Identity(), symmetry.motion)});
   }
   const RayTable rays = ComputeRays(PlainIntrinsics());
   const Rays all_rays{rays, Coarse(rays)};
@@ -203,7 +204,7 @@ TargetQuality MeasureTarget(const Structure& structure, const TargetViewOptions&
       const Eigen::Vector3d eye(middle.x() + options.distance_m * std::cos(phi),
                                 structure.FloorHeight() + height,
                                 middle.z() + options.distance_m * std::sin(phi));
-      TargetView view = MeasureView(structure, aliases, LookAt(eye, middle, 0), all_rays);
+      TargetView view = MeasureView(structure, symmetries, LookAt(eye, middle, 0), all_rays);
       view.phi_deg = phi / kDegree;
       view.height_m = height;
       quality.views.push_back(std::move(view));

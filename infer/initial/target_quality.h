@@ -26,12 +26,12 @@ struct TargetView {
   /// It assumes independent errors: 5 mm per patch of 10 x 10 pixels, and one pixel per 10 pixels
   /// of a silhouette.
   double weakest_m = 0;
-  /// Indices of the symmetries (StructureAlias) that look alike from there. At least 95 % of the
+  /// Indices of the symmetries (StructureSymmetry) that look alike from there. At least 95 % of the
   /// pixels on the stack from either pose then have the same depth, to 2 cm.
   std::vector<int> look_alike;
 };
 
-struct TargetAlias {
+struct TargetSymmetry {
   std::string motion;        ///< "turned by 180 deg"
   int boxes = 0;             ///< number of boxes that it moves onto boxes
   bool all = false;          ///< of them
@@ -39,7 +39,7 @@ struct TargetAlias {
 };
 
 struct TargetQuality {
-  std::vector<TargetAlias> aliases;
+  std::vector<TargetSymmetry> symmetries;
   std::vector<TargetView> views;  ///< height by height, in order of directions
   TargetViewOptions options;
 };

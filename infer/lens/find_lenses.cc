@@ -103,14 +103,14 @@ LensSet MeasureLenses(const PerFrame<SensorView>& views, LensSet lenses, int thr
   return lenses;
 }
 
-FoundLenses FindLenses(const CaptureSet& capture, LensSet lenses, int threads) {
-  PerFrame<SensorView> views = LookThrough(capture, lenses, threads);
+FoundLenses FindLenses(const CaptureSet& input, LensSet lenses, int threads) {
+  PerFrame<SensorView> views = LookThrough(input, lenses, threads);
   for (int round = 0; round < kRounds; ++round) {
     const PerFrame<SensorPlanes> planes = FindPlanes(views, lenses, threads);
     const LensSet before = lenses;
     ParallelFor(lenses.lenses.size(), threads,
                 [&](std::size_t lens) { FindLens(planes, lens, round == 0, &lenses); });
-    views = LookThrough(capture, lenses, std::move(views), before, threads);
+    views = LookThrough(input, lenses, std::move(views), before, threads);
     if (LargestShift(before, lenses) < kMovedPx) break;
   }
   return {std::move(lenses), std::move(views)};

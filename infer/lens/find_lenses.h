@@ -18,7 +18,7 @@ struct FoundLenses {
 /// that of a known kind: the one that makes the planes most probable is assumed. If something is
 /// known of a lens, and the planes contradict it altogether, the lens stays as it is. The result
 /// has the planes' evidence about every other lens.
-FoundLenses FindLenses(const CaptureSet& capture, LensSet lenses, int threads);
+FoundLenses FindLenses(const CaptureSet& input, LensSet lenses, int threads);
 
 /// The large planes of each view, which was made with the lenses' intrinsics. Frames that repeat a
 /// sensor have none.

@@ -115,27 +115,27 @@ std::vector<LensPrior> TypicalLenses() {
   return typical;
 }
 
-PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses, int threads) {
+PerFrame<SensorView> LookThrough(const CaptureSet& input, const LensSet& lenses, int threads) {
   return MapFrames(lenses.of_frame, threads,
-                   [&](FrameId id) { return MakeSensorView(capture[id], lenses.Effective(id)); });
+                   [&](FrameId id) { return MakeSensorView(input[id], lenses.Effective(id)); });
 }
 
-PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses,
+PerFrame<SensorView> LookThrough(const CaptureSet& input, const LensSet& lenses,
                                  PerFrame<SensorView> views, const LensSet& before, int threads) {
   return MapFrames(lenses.of_frame, threads, [&](FrameId id) {
     const Intrinsics intrinsics = lenses.Effective(id);
     return intrinsics == before.Effective(id) ? std::move(views[id])
-                                              : MakeSensorView(capture[id], intrinsics);
+                                              : MakeSensorView(input[id], intrinsics);
   });
 }
 
-LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
-  LensSet set = GivenLenses(capture);
+LensSet AssumeLenses(const CaptureSet& input, bool per_sensor) {
+  LensSet set = GivenLenses(input);
   set.lenses.clear();
   std::vector<std::pair<const SensorFrame*, std::size_t>> shared;  // the first frame of each lens
   std::vector<std::size_t> of_sensor;
-  for (const FrameId id : capture.sensor_of.Ids()) {
-    const SensorFrame& frame = capture[id];
+  for (const FrameId id : input.sensor_of.Ids()) {
+    const SensorFrame& frame = input[id];
     LensPrior prior = PriorOfLens(frame.intrinsics, frame.sensor);
     if (!set.repeats[id]) {
       const std::size_t next = set.lenses.size();
@@ -155,23 +155,23 @@ LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor) {
         set.lenses.push_back(
             {frame.sensor, prior.sigmas, LensChange::Zero(), {}, prior.source, 0, prior.unknown});
     }
-    set.of_frame[id] = of_sensor[capture.sensor_of[id]];
+    set.of_frame[id] = of_sensor[input.sensor_of[id]];
     set.assumed[id].distortion = std::move(prior.distortion);
   }
   return set;
 }
 
-LensSet GivenLenses(const CaptureSet& capture) {
-  const auto of_frames = [&](const auto& of) { return MapFrames(capture.sensor_of, 1, of); };
+LensSet GivenLenses(const CaptureSet& input) {
+  const auto of_frames = [&](const auto& of) { return MapFrames(input.sensor_of, 1, of); };
   LensSet set{{},
-              capture.sensor_of,
-              of_frames([&](FrameId id) { return capture[id].intrinsics; }),
+              input.sensor_of,
+              of_frames([&](FrameId id) { return input[id].intrinsics; }),
               of_frames([](FrameId) { return char{1}; }),
               of_frames([](FrameId) { return 0.0; })};
-  for (const FrameId id : capture.sensor_of.Ids()) {
-    if (capture.sensor_of[id] < set.lenses.size()) continue;
+  for (const FrameId id : input.sensor_of.Ids()) {
+    if (input.sensor_of[id] < set.lenses.size()) continue;
     set.lenses.emplace_back();
-    set.lenses.back().sensor = capture[id].sensor;
+    set.lenses.back().sensor = input[id].sensor;
     set.repeats[id] = 0;
   }
   return set;

@@ -125,10 +125,10 @@ struct LensSet {
 };
 
 /// Every frame seen through its lens.
-PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses, int threads);
+PerFrame<SensorView> LookThrough(const CaptureSet& input, const LensSet& lenses, int threads);
 
 /// The same, from `views` through the lenses `before`.
-PerFrame<SensorView> LookThrough(const CaptureSet& capture, const LensSet& lenses,
+PerFrame<SensorView> LookThrough(const CaptureSet& input, const LensSet& lenses,
                                  PerFrame<SensorView> views, const LensSet& before, int threads);
 
 /// Standard deviations of a lens of which only one thing is known: the images show no bend.
@@ -140,10 +140,10 @@ std::vector<LensPrior> TypicalLenses();
 /// Sensors of one known kind share a lens, unless `per_sensor`. The capture has to say equally much
 /// of them: a distortion, or none, and focal lengths (as shares of the width) within 1 %. Every
 /// other sensor has its own.
-LensSet AssumeLenses(const CaptureSet& capture, bool per_sensor);
+LensSet AssumeLenses(const CaptureSet& input, bool per_sensor);
 
 /// The lenses as the capture gives them, all known, so none is estimated.
-LensSet GivenLenses(const CaptureSet& capture);
+LensSet GivenLenses(const CaptureSet& input);
 
 /// The largest distance, px, between the places where two sets of intrinsics of one image size show
 /// the same directions. On a grid over the image of `a`, where that has rays.

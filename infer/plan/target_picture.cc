@@ -38,9 +38,10 @@ void DrawCells(const TargetQuality& quality, Svg* svg) {
         fmt::format("fill=\"{}\"", view.sides_fix_pose ? Colour(view.weakest_m) : "#fff"),
         fmt::format("phi {:.0f} deg, {:.2f} m high: {} sides, weakest {:.1f} mm", view.phi_deg,
                     view.height_m, view.sides, 1000 * view.weakest_m));
-    const bool unique = std::all_of(view.look_alike.begin(), view.look_alike.end(), [&](int alias) {
-      return quality.aliases[static_cast<std::size_t>(alias)].floor_tells;
-    });
+    const bool unique =
+        std::all_of(view.look_alike.begin(), view.look_alike.end(), [&](int symmetry) {
+          return quality.symmetries[static_cast<std::size_t>(symmetry)].floor_tells;
+        });
     if (view.sides_fix_pose && unique) continue;
     const Svg::Point centre{x + kCellWidth / 2 - 0.5, y + kCellHeight / 2};
     svg->Circle(centre, 6.5, "fill=\"#fff\"");

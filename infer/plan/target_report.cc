@@ -22,34 +22,35 @@ double Share(int count, std::size_t of) {
   return of > 0 ? static_cast<double>(count) / static_cast<double>(of) : 0;
 }
 
-std::string Aliases(const TargetQuality& quality, std::size_t boxes) {
+std::string Symmetries(const TargetQuality& quality, std::size_t boxes) {
   std::string text;
   std::set<std::string> said;  // several motions may be described alike
-  for (std::size_t k = 0; k < quality.aliases.size(); ++k) {
-    const TargetAlias& alias = quality.aliases[k];
+  for (std::size_t k = 0; k < quality.symmetries.size(); ++k) {
+    const TargetSymmetry& symmetry = quality.symmetries[k];
     const auto alike =
         std::count_if(quality.views.begin(), quality.views.end(), [&](const TargetView& view) {
           return std::find(view.look_alike.begin(), view.look_alike.end(), static_cast<int>(k)) !=
                  view.look_alike.end();
         });
-    if ((alike == 0 && !alias.all) || !said.insert(alias.motion).second) continue;
+    if ((alike == 0 && !symmetry.all) || !said.insert(symmetry.motion).second) continue;
     const double share = Share(static_cast<int>(alike), quality.views.size());
     text += fmt::format(
         "{}{}, {}the stack looks the same from {}{}.\n",
-        static_cast<char>(std::toupper(static_cast<unsigned char>(alias.motion[0]))),
-        alias.motion.substr(1),
-        alias.all ? ""
-                  : fmt::format("{} of its {} boxes lie where boxes lay, and ", alias.boxes, boxes),
+        static_cast<char>(std::toupper(static_cast<unsigned char>(symmetry.motion[0]))),
+        symmetry.motion.substr(1),
+        symmetry.all
+            ? ""
+            : fmt::format("{} of its {} boxes lie where boxes lay, and ", symmetry.boxes, boxes),
         share == 1 ? "every direction" : fmt::format("{:.0f} % of the directions", 100 * share),
-        alias.floor_tells ? "; only the floor tells the two apart" : "");
+        symmetry.floor_tells ? "; only the floor tells the two apart" : "");
   }
   return text.empty() ? "The stack has no symmetries.\n" : text;
 }
 
 /// Does no other pose look the same? `floor`: the floor is seen.
 bool IsUnique(const TargetView& view, const TargetQuality& quality, bool floor) {
-  return std::none_of(view.look_alike.begin(), view.look_alike.end(), [&](int alias) {
-    return !floor || !quality.aliases[static_cast<std::size_t>(alias)].floor_tells;
+  return std::none_of(view.look_alike.begin(), view.look_alike.end(), [&](int symmetry) {
+    return !floor || !quality.symmetries[static_cast<std::size_t>(symmetry)].floor_tells;
   });
 }
 
@@ -140,7 +141,7 @@ std::string FormatTarget(const Structure& structure, const TargetQuality& qualit
              "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
              structure.name(), boxes, boxes == 1 ? "" : "es", 1000 * structure.Height(),
              -1000 * above.y()) +
-         Aliases(quality, boxes) + HeightTable(quality) + Conclusion(structure, quality);
+         Symmetries(quality, boxes) + HeightTable(quality) + Conclusion(structure, quality);
 }
 
 }  // namespace volalign

@@ -165,7 +165,7 @@ std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame
                                   std::size_t frame) {
   std::vector<std::pair<double, int>> others;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (i != frame && problem.frame_of[i].still == problem.frame_of[frame].still && cost.own[i])
+    if (i != frame && problem.frame_of[i].capture == problem.frame_of[frame].capture && cost.own[i])
       others.emplace_back(-cost.Of(frame, i).cost, static_cast<int>(i));
   }
   std::sort(others.begin(), others.end());
@@ -185,7 +185,7 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (state.SensorOf(i) != state.SensorOf(worst) || agreed.solution.held[i]) continue;
     frames.push_back(i);
-    places.push_back(state.placements[state.StillOf(i)].ToPose() *
+    places.push_back(state.placements[state.EvaluationCaptureOf(i)].ToPose() *
                      problem.frames[i].start.translation());
   }
   if (frames.size() < 3) return worst;

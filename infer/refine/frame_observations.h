@@ -17,9 +17,9 @@ struct FaceObservation {
   int label = 0;
   /// The depth error, m, that each of its sensor's errors causes at 1.
   SensorErrorVector by_errors = SensorErrorVector::Zero();
-  double bulge = 0;      ///< see Side::BulgeAt
-  double aside_rad = 0;  ///< of p: mean over its points, which are off alike, see SidePoint
-  double variance = 0;   ///< m^2, along the side's normal, of the mean of independent point errors
+  double bulge = 0;              ///< see Side::BulgeAt
+  double lateral_sigma_rad = 0;  ///< of p: mean over its points, which are off alike, see SidePoint
+  double variance = 0;  ///< m^2, along the side's normal, of the mean of independent point errors
   RayByLensMatrix by_lens = RayByLensMatrix::Zero();  ///< of its ray, by its sensor's lens
 };
 

@@ -22,14 +22,14 @@ void CentreBoxes(const JointProblem& problem, Solution* solution) {
   State* state = &solution->state;
   std::vector<Eigen::Vector3d> means;
   for (std::vector<double>& boxes : state->boxes) means.push_back(TakeMeanOut(&boxes));
-  for (std::size_t still = 1; still < means.size(); ++still) {
-    Pose placement = state->placements[still].ToPose();
-    placement.translation() += placement.linear() * means[still] - means[0];
-    state->placements[still] = PoseBlock(placement);
+  for (std::size_t capture = 1; capture < means.size(); ++capture) {
+    Pose placement = state->placements[capture].ToPose();
+    placement.translation() += placement.linear() * means[capture] - means[0];
+    state->placements[capture] = PoseBlock(placement);
   }
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (solution->held[i]) continue;
-    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->StillOf(i)];
+    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->EvaluationCaptureOf(i)];
   }
   state->UpdateBuilt(problem.model);
 }

@@ -51,7 +51,7 @@ Eigen::VectorXd FaceVariances(const BuildModel& model, const Pose& pose,
     const double cosine =
         model.structure().SideOfLabel(face.label).normal.dot(pose.linear() * face.p.normalized());
     const double lateral =
-        std::hypot(observed.noise.depth.lateral_rad, face.aside_rad) * face.p.z();
+        std::hypot(observed.noise.depth.lateral_rad, face.lateral_sigma_rad) * face.p.z();
     variances[static_cast<Eigen::Index>(i)] = face.variance +
                                               (1 - cosine * cosine) * lateral * lateral +
                                               Square(StepSigma() * kDepthStep);

@@ -30,9 +30,10 @@ constexpr double kOutlier = 3.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
 /// Leaves out points whose depth may have been measured aside, if the others are enough.
-void LeaveOutAside(std::vector<const SidePoint*>* points) {
-  const auto aside = std::stable_partition(
-      points->begin(), points->end(), [](const SidePoint* point) { return point->aside_rad == 0; });
+void LeaveOutLateral(std::vector<const SidePoint*>* points) {
+  const auto aside =
+      std::stable_partition(points->begin(), points->end(),
+                            [](const SidePoint* point) { return point->lateral_sigma_rad == 0; });
   if (static_cast<std::size_t>(aside - points->begin()) >= kFewest)
     points->erase(aside, points->end());
 }
@@ -60,12 +61,12 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
     // A pixel on which several frames disagree has less weight.
     const double weight = 1 / (1 + Square(points[k]->sigma / kDepthStep));
     face.p += weight * points[k]->p;
-    face.aside_rad += weight * points[k]->aside_rad;
+    face.lateral_sigma_rad += weight * points[k]->lateral_sigma_rad;
     squares += Square(weight * (distances[k] - middle));
     weights += weight;
   }
   face.p /= weights;
-  face.aside_rad /= weights;
+  face.lateral_sigma_rad /= weights;
   face.variance = kPixelsPerError * squares / weights / weights;
   face.by_errors.head<kFrameErrors>() = FrameErrorsAt(
       errors, face.p, sensor.structure_from_sensor.linear().transpose() * side.normal);
@@ -74,7 +75,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   face.bulge = side.BulgeAt(q);
   face.by_errors[kMultipath] =
       std::min(0.0, SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m - 1);
-  face.by_errors[kBounced] = BouncedShare(
+  face.by_errors[kDiffuseMultipath] = DiffuseMultipathShare(
       nominal, nominal_side, q, sensor.structure_from_sensor.translation(), errors.bounce_reach_m);
   face.by_errors[kGain] = face.p.z();
   return face;
@@ -172,7 +173,7 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   observed->lens = points.lens;
   observed->faces.clear();
   for (auto& [key, of] : faces) {
-    LeaveOutAside(&of);
+    LeaveOutLateral(&of);
     if (of.size() >= kFewest)
       observed->faces.push_back(
           FaceOf(nominal, built, sensor, key.first, observed->noise.depth, of));

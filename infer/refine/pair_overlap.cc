@@ -56,8 +56,9 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
     if (end.noise.depth.bounce_m == 0) return 0.0;
     const Eigen::Vector3d q = end.view.state.InStructure(p);
     if (std::abs(q.y() - structure.FloorHeight()) > kRoughPose) return 0.0;
-    return BouncedShare(structure, floor, q, end.view.state.structure_from_sensor.translation(),
-                        end.noise.depth.bounce_reach_m);
+    return DiffuseMultipathShare(structure, floor, q,
+                                 end.view.state.structure_from_sensor.translation(),
+                                 end.noise.depth.bounce_reach_m);
   };
   const auto take = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches,
                         std::vector<PairMatch>* taken) {

@@ -51,8 +51,8 @@ Eigen::VectorXd SharedValues(const FrameParameters& parameters, const BuildSize&
 }
 
 void State::UpdateBuilt(const BuildModel& model) {
-  for (std::size_t still = 0; still < built.size(); ++still)
-    built[still] = model.Built(Build(still));
+  for (std::size_t capture = 0; capture < built.size(); ++capture)
+    built[capture] = model.Built(Build(capture));
 }
 
 State NominalState(const Structure& structure, const std::vector<Pose>& poses,
@@ -90,9 +90,9 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   return free;
 }
 
-ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills,
+ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t captures,
                                  const BuildSize& build, std::size_t lenses)
-    : frame_of_(std::move(frame_of)), build_(build), stills_(stills), lenses_(lenses) {
+    : frame_of_(std::move(frame_of)), build_(build), captures_(captures), lenses_(lenses) {
   for (std::size_t i = 0; i < frame_of_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
 }
 
@@ -100,8 +100,8 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   std::vector<Block> blocks;
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({state->poses[i].values, Pose(i), 7, 6});
-  for (std::size_t still = 1; still < stills_; ++still)
-    blocks.push_back({state->placements[still].values, Placement(still), 7, 6});
+  for (std::size_t capture = 1; capture < captures_; ++capture)
+    blocks.push_back({state->placements[capture].values, Placement(capture), 7, 6});
   for (std::size_t i = 0; i < frames(); ++i)
     blocks.push_back({&state->offsets[i], Offset(i), 1, 1});
   for (std::size_t s = 0; s < sensors_; ++s)
@@ -109,11 +109,11 @@ std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const 
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     blocks.push_back({state->lenses[lens].data(), Lens(lens), kLensParameters, kLensParameters});
   blocks.push_back({&state->size, Size(), 1, 1});
-  for (std::size_t still = 0; still < stills_; ++still)
+  for (std::size_t capture = 0; capture < captures_; ++capture)
     blocks.push_back(
-        {state->boxes[still].data(), Boxes(still), 3 * build_.boxes, 3 * build_.boxes});
-  for (std::size_t still = 0; still < stills_; ++still)
-    blocks.push_back({state->bulges[still].data(), Bulges(still), build_.sides, build_.sides});
+        {state->boxes[capture].data(), Boxes(capture), 3 * build_.boxes, 3 * build_.boxes});
+  for (std::size_t capture = 0; capture < captures_; ++capture)
+    blocks.push_back({state->bulges[capture].data(), Bulges(capture), build_.sides, build_.sides});
   blocks.push_back({state->world.values, World(), 7, 6});
   blocks.push_back({&state->world_scale, WorldScale(), 1, 1});
   return blocks;
@@ -139,9 +139,9 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
     sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
   const Eigen::VectorXd build = SharedPriorSigmas(priors, {}, build_).tail(1 + build_.parameters());
   sigmas[Size()] = build[0];
-  for (std::size_t still = 0; still < stills_; ++still) {
-    sigmas.segment(Boxes(still), 3 * build_.boxes) = build.segment(1, 3 * build_.boxes);
-    sigmas.segment(Bulges(still), build_.sides) = build.tail(build_.sides);
+  for (std::size_t capture = 0; capture < captures_; ++capture) {
+    sigmas.segment(Boxes(capture), 3 * build_.boxes) = build.segment(1, 3 * build_.boxes);
+    sigmas.segment(Bulges(capture), build_.sides) = build.tail(build_.sides);
   }
   return sigmas.unaryExpr(&Positive);
 }
@@ -152,14 +152,14 @@ std::vector<Eigen::Index> ParameterLayout::ColumnsOf(std::size_t frame) const {
     for (Eigen::Index k = 0; k < count; ++k) columns.push_back(first + k);
   };
   const FrameOf& of = frame_of_[frame];
-  const auto still = static_cast<std::size_t>(of.still);
+  const auto capture = static_cast<std::size_t>(of.capture);
   add(Pose(frame), 6);
   add(Offset(frame), 1);
   add(ErrorsOfSensor(SensorOf(frame)), kSensorErrors);
   add(Lens(static_cast<std::size_t>(of.lens)), kLensParameters);
   add(Size(), 1);
-  add(Boxes(still), Eigen::Index{3} * build_.boxes);
-  add(Bulges(still), build_.sides);
+  add(Boxes(capture), Eigen::Index{3} * build_.boxes);
+  add(Bulges(capture), build_.sides);
   return columns;
 }
 

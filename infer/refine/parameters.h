@@ -40,7 +40,7 @@ inline constexpr double kPoseSigma = 1;
 /// The sensor, the capture and the lens of a frame, as indices. The frames of one sensor are of
 /// different captures.
 struct FrameOf {
-  int sensor = 0, still = 0, lens = 0;
+  int sensor = 0, capture = 0, lens = 0;
 };
 
 /// One frame's parameter blocks. `pose`: in the structure of its capture (7). `offset`: of its
@@ -137,11 +137,13 @@ struct State {
   bool converged = true;  ///< the last solution ended by its tolerances
 
   std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
-  std::size_t StillOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].still); }
+  std::size_t EvaluationCaptureOf(std::size_t i) const {
+    return static_cast<std::size_t>(frame_of[i].capture);
+  }
   std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
 
   // The following take the index of a frame.
-  const Structure& Built(std::size_t i) const { return built[StillOf(i)]; }
+  const Structure& Built(std::size_t i) const { return built[EvaluationCaptureOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   const SensorErrorVector& Errors(std::size_t i) const { return errors[SensorOf(i)]; }
@@ -151,11 +153,12 @@ struct State {
   FrameState Frame(std::size_t i, const Pose& pose) const {
     return {pose, Errors(i)[kGain], offsets[i]};
   }
-  BuildParameters Build(std::size_t still) const {
-    return {&size, boxes[still].data(), bulges[still].data()};
+  BuildParameters Build(std::size_t capture) const {
+    return {&size, boxes[capture].data(), bulges[capture].data()};
   }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(), Build(StillOf(i))};
+    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(),
+            Build(EvaluationCaptureOf(i))};
   }
   /// Updates `built` from the parameters.
   void UpdateBuilt(const BuildModel& model);
@@ -178,23 +181,23 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 /// motion of the pose priors' world (6) and its scale.
 class ParameterLayout {
  public:
-  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t stills, const BuildSize& build,
+  ParameterLayout(std::vector<FrameOf> frame_of, std::size_t captures, const BuildSize& build,
                   std::size_t lenses);
 
   std::size_t frames() const { return frame_of_.size(); }
   std::size_t sensors() const { return sensors_; }
-  std::size_t stills() const { return stills_; }
+  std::size_t captures() const { return captures_; }
   std::size_t boxes() const { return static_cast<std::size_t>(build_.boxes); }  ///< of one capture
   std::size_t lenses() const { return lenses_; }
   Eigen::Index size() const { return WorldScale() + 1; }
 
   Eigen::Index Pose(std::size_t frame) const { return static_cast<Eigen::Index>(6 * frame); }
-  /// `still`: not the first.
-  Eigen::Index Placement(std::size_t still) const {
-    return static_cast<Eigen::Index>(6 * (frames() + still - 1));
+  /// `capture`: not the first.
+  Eigen::Index Placement(std::size_t capture) const {
+    return static_cast<Eigen::Index>(6 * (frames() + capture - 1));
   }
   Eigen::Index Offset(std::size_t frame) const {
-    return Placement(stills_) + static_cast<Eigen::Index>(frame);
+    return Placement(captures_) + static_cast<Eigen::Index>(frame);
   }
   Eigen::Index ErrorsOfSensor(std::size_t sensor) const {
     return Offset(frames()) + static_cast<Eigen::Index>(kSensorErrors * sensor);
@@ -209,15 +212,15 @@ class ParameterLayout {
   /// The size that all boxes share.
   Eigen::Index Size() const { return Lens(lenses_); }
   /// The first of x, z and yaw of each box in a capture, box by box.
-  Eigen::Index Boxes(std::size_t still = 0) const {
-    return Size() + 1 + static_cast<Eigen::Index>(3 * boxes() * still);
+  Eigen::Index Boxes(std::size_t capture = 0) const {
+    return Size() + 1 + static_cast<Eigen::Index>(3 * boxes() * capture);
   }
   /// The bulges of all sides in a capture.
-  Eigen::Index Bulges(std::size_t still) const {
-    return Boxes(stills_) +
-           static_cast<Eigen::Index>(build_.sides) * static_cast<Eigen::Index>(still);
+  Eigen::Index Bulges(std::size_t capture) const {
+    return Boxes(captures_) +
+           static_cast<Eigen::Index>(build_.sides) * static_cast<Eigen::Index>(capture);
   }
-  Eigen::Index World() const { return Bulges(stills_); }
+  Eigen::Index World() const { return Bulges(captures_); }
   Eigen::Index WorldScale() const { return World() + 6; }
 
   /// A block of Ceres parameters and the first of its columns.
@@ -268,7 +271,7 @@ class ParameterLayout {
 
   std::vector<FrameOf> frame_of_;
   BuildSize build_;
-  std::size_t sensors_ = 0, stills_, lenses_;
+  std::size_t sensors_ = 0, captures_, lenses_;
 };
 
 }  // namespace volalign::refine_internal

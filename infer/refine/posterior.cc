@@ -185,11 +185,11 @@ Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors
 }
 
 Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& layout,
-                          std::size_t still, const Eigen::MatrixXd& gauge_projection) {
+                          std::size_t capture, const Eigen::MatrixXd& gauge_projection) {
   const Eigen::Index n = gauge_projection.rows();
   const Eigen::MatrixXd covariance =
       gauge_projection *
-      posterior.covariance.block(layout.Boxes(still), layout.Boxes(still), n, n) *
+      posterior.covariance.block(layout.Boxes(capture), layout.Boxes(capture), n, n) *
       gauge_projection.transpose();
   return covariance.diagonal().cwiseMax(0).cwiseSqrt();
 }

@@ -61,6 +61,6 @@ Eigen::MatrixXd GaugeProjection(const Structure& structure, const Priors& priors
 /// Posterior standard deviations of the boxes' x, z (m) and yaw (rad) in one capture, without the
 /// gauge.
 Eigen::VectorXd BoxSigmas(const Posterior& posterior, const ParameterLayout& layout,
-                          std::size_t still, const Eigen::MatrixXd& gauge_projection);
+                          std::size_t capture, const Eigen::MatrixXd& gauge_projection);
 
 }  // namespace volalign::refine_internal

@@ -27,7 +27,7 @@ std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames,
   int count = 0;
   for (const FrameInput& frame : frames) {
     FrameOf of;
-    of.still = frame.still;
+    of.capture = frame.capture;
     of.lens = frame.lens < 0 ? static_cast<int>(known_lens) : frame.lens;
     of.sensor = count;
     if (frame.sensor >= 0) of.sensor = numbers.emplace(frame.sensor, count).first->second;
@@ -41,7 +41,7 @@ std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames,
 
 JointProblem::JointProblem(const Structure& structure_in, const std::vector<FrameInput>& frames_in,
                            const RefineSetup& setup_in, const std::vector<SensorLens>& lenses_in,
-                           std::size_t stills)
+                           std::size_t captures)
     : structure(structure_in),
       frames(frames_in),
       setup(setup_in),
@@ -49,7 +49,7 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       priors(refine_internal::PriorsOf(setup_in.prior)),
       lenses(WithKnownLens(lenses_in, frames_in)),
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
-      layout(frame_of, stills, model.size(), lenses.size()) {
+      layout(frame_of, captures, model.size(), lenses.size()) {
   overlap_points.resize(frames.size());
   ParallelFor(frames.size(), setup.schedule.threads, [&](std::size_t i) {
     int others = 0;
@@ -63,14 +63,15 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
 
 bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {
   if (setup.schedule.max_overlap_points == 0 || frame_of[a].sensor == frame_of[b].sensor ||
-      frame_of[a].still != frame_of[b].still)
+      frame_of[a].capture != frame_of[b].capture)
     return false;
-  const auto is_in = [&](int sensor, int still) {
-    return std::any_of(frame_of.begin(), frame_of.end(),
-                       [&](const FrameOf& of) { return of.sensor == sensor && of.still == still; });
+  const auto is_in = [&](int sensor, int capture) {
+    return std::any_of(frame_of.begin(), frame_of.end(), [&](const FrameOf& of) {
+      return of.sensor == sensor && of.capture == capture;
+    });
   };
-  for (int still = 0; still < frame_of[a].still; ++still) {
-    if (is_in(frame_of[a].sensor, still) && is_in(frame_of[b].sensor, still)) return false;
+  for (int capture = 0; capture < frame_of[a].capture; ++capture) {
+    if (is_in(frame_of[a].sensor, capture) && is_in(frame_of[b].sensor, capture)) return false;
   }
   return true;
 }

@@ -26,7 +26,7 @@ struct FrameInput {
   int lens = -1;
   /// Index of the sensor among those of all captures; -1: one of its own.
   int sensor = -1;
-  int still = 0;  ///< index into the placements
+  int capture = 0;  ///< index into the placements
   /// A prior of the pose first_from_sensor. Its world is brought near the structure frame of the
   /// first capture; what PosePrior::world leaves open is estimated.
   std::optional<PosePrior> prior = {};
@@ -47,7 +47,7 @@ inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<FrameInput>& frames,
                const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
-               std::size_t stills = 1);
+               std::size_t captures = 1);
 
   const Structure& structure;  ///< as described
   const std::vector<FrameInput>& frames;

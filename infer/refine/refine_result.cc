@@ -33,9 +33,9 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
                            const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
   const Matrix6d turned = Adjoint(placement);
   Matrix6d in_first = turned * covariance * turned.transpose();
-  const auto still = static_cast<std::size_t>(problem.frame_of[frame].still);
-  if (still == 0) return in_first;
-  const Eigen::Index p = problem.layout.Placement(still), t = problem.layout.Pose(frame);
+  const auto capture = static_cast<std::size_t>(problem.frame_of[frame].capture);
+  if (capture == 0) return in_first;
+  const Eigen::Index p = problem.layout.Placement(capture), t = problem.layout.Pose(frame);
   const Matrix6d cross = posterior.covariance.block<6, 6>(p, t) * turned.transpose();
   in_first += posterior.covariance.block<6, 6>(p, p) + cross + cross.transpose();
   return (in_first + in_first.transpose()) / 2;
@@ -61,7 +61,7 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
         RefusedFit{excluded->together, excluded->contradicts, excluded->alone.Built(i)};
   }
   frame.first_from_sensor =
-      state.placements[state.StillOf(i)].ToPose() * frame.structure_from_sensor;
+      state.placements[state.EvaluationCaptureOf(i)].ToPose() * frame.structure_from_sensor;
   return frame;
 }
 
@@ -76,17 +76,18 @@ void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
   frame->covariance = (block + block.transpose()) / 2;
   if (agreed.of[i]) frame->covariance = agreed.of[i]->covariance;
   frame->problem = Problem(unsolved[i], posterior.exact);
-  frame->first_covariance = CovarianceInFirst(
-      problem, posterior, state.placements[state.StillOf(i)].ToPose(), i, frame->covariance);
+  frame->first_covariance =
+      CovarianceInFirst(problem, posterior, state.placements[state.EvaluationCaptureOf(i)].ToPose(),
+                        i, frame->covariance);
 }
 
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& agreed,
-                                   std::size_t still) {
-  const std::vector<double>& of_boxes = agreed.solution.state.boxes[still];
+                                   std::size_t capture) {
+  const std::vector<double>& of_boxes = agreed.solution.state.boxes[capture];
   std::vector<RefinedBox> boxes;
   for (int b = 0; b < static_cast<int>(problem.structure.boxes().size()); ++b) {
     RefinedBox box;
-    box.estimated = agreed.solution.free.boxes && IsSeen(problem, agreed.solution, still, b);
+    box.estimated = agreed.solution.free.boxes && IsSeen(problem, agreed.solution, capture, b);
     box.x = of_boxes[static_cast<std::size_t>(BuildModel::X(b))];
     box.z = of_boxes[static_cast<std::size_t>(BuildModel::Z(b))];
     box.yaw = of_boxes[static_cast<std::size_t>(BuildModel::Yaw(b))];
@@ -95,13 +96,13 @@ std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& ag
   return boxes;
 }
 
-void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std::size_t still,
+void AddUncertainty(const JointProblem& problem, const Posterior& posterior, std::size_t capture,
                     RefinedPlacement* placement) {
-  if (still > 0) {
-    const Eigen::Index column = problem.layout.Placement(still);
+  if (capture > 0) {
+    const Eigen::Index column = problem.layout.Placement(capture);
     placement->covariance = posterior.covariance.block<6, 6>(column, column);
   }
-  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, still,
+  const Eigen::VectorXd sigmas = BoxSigmas(posterior, problem.layout, capture,
                                            GaugeProjection(problem.structure, problem.priors));
   for (std::size_t b = 0; b < placement->boxes.size(); ++b) {
     RefinedBox& box = placement->boxes[b];
@@ -188,7 +189,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
   std::vector<RefinedPair> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (state.StillOf(a) == state.StillOf(b))
+      if (state.EvaluationCaptureOf(a) == state.EvaluationCaptureOf(b))
         pairs.push_back({static_cast<int>(a), static_cast<int>(b)});
     }
   }
@@ -234,13 +235,13 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
   // of it.
   quantities.back().prior_sigma /= 2;
   const Eigen::MatrixXd gauge = GaugeProjection(problem.structure, problem.priors);
-  for (std::size_t still = 0; still < layout.stills(); ++still) {
-    const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, still, gauge);
+  for (std::size_t capture = 0; capture < layout.captures(); ++capture) {
+    const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, capture, gauge);
     for (std::size_t b = 0; b < layout.boxes(); ++b) {
       for (const auto& [kind, k] : {std::pair(Kind::kBoxX, BuildModel::X(static_cast<int>(b))),
                                     std::pair(Kind::kBoxZ, BuildModel::Z(static_cast<int>(b))),
                                     std::pair(Kind::kBoxYaw, BuildModel::Yaw(static_cast<int>(b)))})
-        add(kind, b, layout.Boxes(still) + k, sigmas[k]);
+        add(kind, b, layout.Boxes(capture) + k, sigmas[k]);
     }
   }
   std::set<std::size_t> sensors;
@@ -256,11 +257,11 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
 std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem, const Agreed& agreed) {
   const State& state = agreed.solution.state;
   std::vector<RefinedPlacement> placements;
-  for (std::size_t still = 0; still < problem.layout.stills(); ++still) {
+  for (std::size_t capture = 0; capture < problem.layout.captures(); ++capture) {
     RefinedPlacement placement;
-    placement.first_from_placement = state.placements[still].ToPose();
-    placement.boxes = BoxResults(problem, agreed, still);
-    placement.built = state.built[still];
+    placement.first_from_placement = state.placements[capture].ToPose();
+    placement.boxes = BoxResults(problem, agreed, capture);
+    placement.built = state.built[capture];
     placements.push_back(std::move(placement));
   }
   return placements;
@@ -292,8 +293,8 @@ void AddUncertainties(const JointProblem& problem, const Agreed& agreed,
                       RefineResult* result) {
   for (std::size_t i = 0; i < problem.size(); ++i)
     AddUncertainty(problem, agreed, unsolved, posterior, i, &result->frames[i]);
-  for (std::size_t still = 0; still < result->placements.size(); ++still)
-    AddUncertainty(problem, posterior, still, &result->placements[still]);
+  for (std::size_t capture = 0; capture < result->placements.size(); ++capture)
+    AddUncertainty(problem, posterior, capture, &result->placements[capture]);
   result->sigma_size_scale = posterior.Sigma(problem.layout.Size());
   for (std::size_t lens = 0; lens < result->lenses.size(); ++lens) {
     const Eigen::Index column = problem.layout.Lens(lens);

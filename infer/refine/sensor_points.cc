@@ -81,7 +81,8 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
       point.label = static_cast<int>(label);
       if (!view.depth_sigma.empty()) point.sigma = view.depth_sigma(u, v);
       point.block = BlockIndex(u, v, view.width());
-      if (!HasItsOwnDepth(sides, u, v)) point.aside_rad = view.errors.window_rad / 2 / std::sqrt(3);
+      if (!HasItsOwnDepth(sides, u, v))
+        point.lateral_sigma_rad = view.errors.window_rad / 2 / std::sqrt(3);
       if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
       points.push_back(point);
     }

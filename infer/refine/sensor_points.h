@@ -24,7 +24,7 @@ struct SidePoint {
   /// Standard deviation of the angle between the point and where its depth was measured. A stereo
   /// matcher measures evenly within half of its window, which may reach beyond the side. 0
   /// elsewhere.
-  double aside_rad = 0;
+  double lateral_sigma_rad = 0;
 };
 
 /// A point on the silhouette of a labelled side, where the depth behind it jumps or is missing. It

@@ -46,9 +46,9 @@ void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* s
   }
 }
 
-bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box) {
+bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t capture, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution.held[i] || solution.state.StillOf(i) != still) continue;
+    if (solution.held[i] || solution.state.EvaluationCaptureOf(i) != capture) continue;
     for (const FaceObservation& face : solution.observed[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }

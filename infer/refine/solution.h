@@ -40,7 +40,7 @@ struct Solution {
 void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* solution);
 
 /// Does a frame of a capture that is not fixed see a side of a box?
-bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t still, int box);
+bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t capture, int box);
 
 /// Finds overlaps and moves all free parameters to their most probable values. Returns false, and
 /// moves nothing, if they cannot be computed.

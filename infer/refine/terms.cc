@@ -23,7 +23,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
     const DepthErrorModel& errors = observed[i].noise.depth;
     SensorErrorVector by_errors = SensorErrorVector::Zero();
     by_errors.head<kFrameErrors>() = FrameErrorsAt(errors, of.p, of.normal);
-    by_errors[kBounced] = bounced;
+    by_errors[kDiffuseMultipath] = bounced;
     by_errors[kGain] = of.p.z();
     return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, by_errors};
   };
@@ -32,8 +32,8 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
     std::vector<MeasuredMatch> measured;
     measured.reserve(matches.size());
     for (const PairMatch& match : matches) {
-      measured.push_back({through_lens(i, *match.point, match.bounced_point),
-                          through_lens(j, *match.plane, match.bounced_plane), match.plane->normal,
+      measured.push_back({through_lens(i, *match.point, match.multipath_point),
+                          through_lens(j, *match.plane, match.multipath_plane), match.plane->normal,
                           1 / (pair.excess * match.sigma)});
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
@@ -52,10 +52,11 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
   if (observed.faces.empty()) return;
-  ceres->problem->AddResidualBlock(
-      new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
-      state->Errors(i).data(), state->Lens(i).data(), &state->size,
-      state->boxes[state->StillOf(i)].data(), state->bulges[state->StillOf(i)].data());
+  ceres->problem->AddResidualBlock(new SensorCost(problem.model, observed), nullptr,
+                                   state->poses[i].values, &state->offsets[i],
+                                   state->Errors(i).data(), state->Lens(i).data(), &state->size,
+                                   state->boxes[state->EvaluationCaptureOf(i)].data(),
+                                   state->bulges[state->EvaluationCaptureOf(i)].data());
 }
 
 /// A sensor stays where it is between captures, and so nearly does its depth offset. Each of its
@@ -71,8 +72,9 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
     ceres->problem->AddResidualBlock(
         TieCost(problem.setup.prior.sensor_moved_sigma_m,
                 problem.setup.prior.sensor_moved_sigma_deg * kDegree),
-        nullptr, state->placements[state->StillOf(first)].values, state->poses[first].values,
-        state->placements[state->StillOf(i)].values, state->poses[i].values);
+        nullptr, state->placements[state->EvaluationCaptureOf(first)].values,
+        state->poses[first].values, state->placements[state->EvaluationCaptureOf(i)].values,
+        state->poses[i].values);
     ceres->problem->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,
                                      &state->offsets[first], &state->offsets[i]);
   }
@@ -89,7 +91,7 @@ void AddPosePriors(const JointProblem& problem, const std::vector<char>& held, S
     std::vector<double*> blocks;
     if (prior->world != PriorWorld::kStructure) blocks.push_back(state->world.values);
     if (prior->world == PriorWorld::kScaleFree) blocks.push_back(&state->world_scale);
-    blocks.push_back(state->placements[state->StillOf(i)].values);
+    blocks.push_back(state->placements[state->EvaluationCaptureOf(i)].values);
     blocks.push_back(state->poses[i].values);
     ceres->problem->AddResidualBlock(KnownPoseCost(*prior), nullptr, blocks);
   }

@@ -15,7 +15,7 @@ namespace {
 
 /// Names the least certain sensors, and the largest standard deviation after a second capture.
 /// Empty if there are several captures already, or fewer than two such sensors.
-std::string AdviseSecondStill(const CalibrationResult& result) {
+std::string AdviseSecondCapture(const CalibrationResult& result) {
   std::vector<std::pair<double, const FrameResult*>> known;
   std::vector<Matrix6d> covariances;
   for (const FrameResult& sensor : result.sensors) {
@@ -26,8 +26,8 @@ std::string AdviseSecondStill(const CalibrationResult& result) {
                        &sensor);
     covariances.push_back(sensor.covariance);
   }
-  if (known.size() < 2 || !result.stills.empty()) return "";
-  const std::vector<Matrix6d> after = WithSecondStill(covariances);
+  if (known.size() < 2 || !result.captures.empty()) return "";
+  const std::vector<Matrix6d> after = WithSecondCapture(covariances);
   double worst = 0;
   for (std::size_t i = 0; i < after.size(); ++i) {
     worst =
@@ -44,7 +44,7 @@ std::string AdviseSecondStill(const CalibrationResult& result) {
 
 }  // namespace
 
-std::vector<Matrix6d> WithSecondStill(const std::vector<Matrix6d>& covariances) {
+std::vector<Matrix6d> WithSecondCapture(const std::vector<Matrix6d>& covariances) {
   Matrix6d information = Matrix6d::Zero();
   for (const Matrix6d& covariance : covariances) information += covariance.inverse();
   const Matrix6d common = information.inverse();
@@ -69,7 +69,7 @@ std::vector<std::string> Advise(const CalibrationResult& result) {
   } else {
     advice.emplace_back("no pose can be used; do what is said above and calibrate again");
   }
-  if (const std::string second = AdviseSecondStill(result); !second.empty())
+  if (const std::string second = AdviseSecondCapture(result); !second.empty())
     advice.push_back(second);
   return advice;
 }

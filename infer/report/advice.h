@@ -15,7 +15,7 @@ namespace volalign {
 /// C_i / 2 + inverse(sum_j A_j) / 2. Sensors count as independent, and a device's errors as drawn
 /// anew in the second capture, so it is a lower bound. The covariances have to be positive
 /// definite.
-std::vector<Matrix6d> WithSecondStill(const std::vector<Matrix6d>& covariances);
+std::vector<Matrix6d> WithSecondCapture(const std::vector<Matrix6d>& covariances);
 
 /// Returns the next steps, a sentence each; also if every sensor is ok.
 std::vector<std::string> Advise(const CalibrationResult& result);

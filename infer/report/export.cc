@@ -51,7 +51,7 @@ constexpr const char* kReportFile = "report.html";
 constexpr const char* kRigFile = "rig.glb";
 
 /// The sensors of one capture, its structure, and the place of its files.
-struct StillFiles {
+struct CaptureFiles {
   std::string name;  // folder in each of the folders; empty for a single capture
   const std::vector<FrameResult>* sensors;
   const Structure* built;
@@ -65,28 +65,30 @@ struct StillFiles {
 };
 
 /// A capture's points in the structure frame of the first one.
-std::vector<AlignedPoint> CloudOf(const StillFiles& still, const FrameResult& sensor) {
-  std::vector<AlignedPoint> cloud = AlignedPoints(sensor, *still.built);
+std::vector<AlignedPoint> CloudOf(const CaptureFiles& capture, const FrameResult& sensor) {
+  std::vector<AlignedPoint> cloud = AlignedPoints(sensor, *capture.built);
   for (AlignedPoint& point : cloud) {
-    point.p = (still.first_from_placement * point.p.cast<double>()).cast<float>();
+    point.p = (capture.first_from_placement * point.p.cast<double>()).cast<float>();
   }
   return cloud;
 }
 
 /// `points`: most points in the report; 0 without one.
-FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& still,
+FrameFiles WriteFrame(const std::filesystem::path& folder, const CaptureFiles& capture,
                       const FrameResult& sensor, int turns, std::size_t points) {
   const std::string png = sensor.name + ".png";
-  WritePng(still.Path(folder, "labels", png), sensor.segmentation.labels);
-  WritePng(still.Path(folder, "confidence", png), ConfidenceImage(sensor.segmentation.confidence));
-  FramePanels panels = MakePanels(sensor, *still.built, turns);
+  WritePng(capture.Path(folder, "labels", png), sensor.segmentation.labels);
+  WritePng(capture.Path(folder, "confidence", png),
+           ConfidenceImage(sensor.segmentation.confidence));
+  FramePanels panels = MakePanels(sensor, *capture.built, turns);
   FrameFiles written;
-  written.picture = SensorPicture(sensor, panels, *still.built, false);
-  WriteFileAtomically(still.Path(folder, "pictures", png),
-                      EncodePalettePng(SensorPicture(sensor, panels, *still.built, true)));
-  written.cloud = CloudOf(still, sensor);
+  written.picture = SensorPicture(sensor, panels, *capture.built, false);
+  WriteFileAtomically(capture.Path(folder, "pictures", png),
+                      EncodePalettePng(SensorPicture(sensor, panels, *capture.built, true)));
+  written.cloud = CloudOf(capture, sensor);
   if (sensor.structure_from_sensor) {
-    WritePly(still.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud, *still.world);
+    WritePly(capture.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud,
+             *capture.world);
   }
   if (points > 0) {
     written.thinned = ThinCloud(written.cloud, points);
@@ -98,13 +100,13 @@ FrameFiles WriteFrame(const std::filesystem::path& folder, const StillFiles& sti
 int AllThreads() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
 
 /// Returns the frames' parts of the report, without pictures and whole clouds.
-std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const StillFiles& still,
-                                   std::size_t points) {
-  const std::vector<FrameResult>& sensors = *still.sensors;
+std::vector<FrameFiles> WriteCapture(const std::filesystem::path& folder,
+                                     const CaptureFiles& capture, std::size_t points) {
+  const std::vector<FrameResult>& sensors = *capture.sensors;
   const std::vector<int> turns = UprightTurnsOf(sensors);
   std::vector<FrameFiles> written(sensors.size());
   ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
-    written[i] = WriteFrame(folder, still, sensors[i], turns[i], points);
+    written[i] = WriteFrame(folder, capture, sensors[i], turns[i], points);
   });
   std::vector<RgbImage> pictures;
   std::vector<AlignedPoint> merged;
@@ -113,73 +115,73 @@ std::vector<FrameFiles> WriteStill(const std::filesystem::path& folder, const St
     merged.insert(merged.end(), files.cloud.begin(), files.cloud.end());
     files.cloud.clear();
   }
-  WriteFileAtomically(still.Path(folder, "pictures", "overview.png"),
-                      EncodePalettePng(OverviewPicture(pictures, *still.built)));
-  WritePly(still.Path(folder, kCloudFolder, "merged.ply"), merged, *still.world);
+  WriteFileAtomically(capture.Path(folder, "pictures", "overview.png"),
+                      EncodePalettePng(OverviewPicture(pictures, *capture.built)));
+  WritePly(capture.Path(folder, kCloudFolder, "merged.ply"), merged, *capture.world);
   return written;
 }
 
-ReportRig RigOf(const CalibrationResult& result, const std::vector<StillFiles>& files) {
+ReportRig RigOf(const CalibrationResult& result, const std::vector<CaptureFiles>& files) {
   const std::optional<WorldFrame>& world = *files.front().world;
   ReportRig rig{(world ? WorldSentence(*world) + "\n" : "") + FormatNotes(result),
                 Advise(result),
                 PlacedFromAbove(result.sensors, *files.front().built),
                 {}};
   for (const RigAlternative& alternative : result.alternatives) {
-    const auto of = std::find_if(files.begin(), files.end(), [&](const StillFiles& still) {
-      return still.name == alternative.still;
+    const auto of = std::find_if(files.begin(), files.end(), [&](const CaptureFiles& capture) {
+      return capture.name == alternative.capture;
     });
-    const StillFiles& still = of == files.end() ? files.front() : *of;
-    rig.alternatives.push_back(AlternativeJson(alternative, result.sensors, *still.sensors,
-                                               *still.built, still.first_from_placement));
+    const CaptureFiles& capture = of == files.end() ? files.front() : *of;
+    rig.alternatives.push_back(AlternativeJson(alternative, result.sensors, *capture.sensors,
+                                               *capture.built, capture.first_from_placement));
   }
   return rig;
 }
 
-void WriteReport(const std::filesystem::path& folder, const std::vector<StillFiles>& files,
+void WriteReport(const std::filesystem::path& folder, const std::vector<CaptureFiles>& files,
                  std::vector<std::vector<FrameFiles>> written, const Extrinsics& extrinsics,
                  const ReportRig& rig, const ReportRun& run) {
-  std::vector<ReportStill> stills;
+  std::vector<ReportCapture> captures;
   std::vector<Structure> structures;
   std::vector<RigCloud> clouds;
   for (std::size_t s = 0; s < files.size(); ++s) {
-    ReportStill still{files[s].name, *files[s].built, {}};
+    ReportCapture capture{files[s].name, *files[s].built, {}};
     for (std::size_t i = 0; i < written[s].size(); ++i) {
       FrameFiles& frame = written[s][i];
-      still.frames.push_back(std::move(frame.report));
+      capture.frames.push_back(std::move(frame.report));
       clouds.push_back({(*files[s].sensors)[i].name, files[s].name, std::move(frame.thinned)});
     }
-    structures.push_back(still.built);
-    stills.push_back(std::move(still));
+    structures.push_back(capture.built);
+    captures.push_back(std::move(capture));
   }
   WriteRigGlb(folder / kRigFile, extrinsics, structures, clouds);
   WriteFileAtomically(folder / kReportFile,
-                      ReportPage(ReportPayload(extrinsics, stills, rig, run)));
+                      ReportPage(ReportPayload(extrinsics, captures, rig, run)));
 }
 
-std::vector<StillFiles> StillsOf(const CalibrationResult& result, const Structure& structure,
-                                 const std::optional<WorldFrame>& world) {
+std::vector<CaptureFiles> NameCaptures(const CalibrationResult& result, const Structure& structure,
+                                       const std::optional<WorldFrame>& world) {
   const auto built = [&](const Structure& of) { return of.boxes().empty() ? &structure : &of; };
-  if (result.stills.empty()) return {{"", &result.sensors, built(result.built), &world}};
-  std::vector<StillFiles> stills;
-  for (const StillResult& still : result.stills) {
-    stills.push_back(
-        {still.name, &still.sensors, built(still.built), &world, still.first_from_placement});
+  if (result.captures.empty()) return {{"", &result.sensors, built(result.built), &world}};
+  std::vector<CaptureFiles> captures;
+  for (const CaptureResult& capture : result.captures) {
+    captures.push_back({capture.name, &capture.sensors, built(capture.built), &world,
+                        capture.first_from_placement});
   }
-  return stills;
+  return captures;
 }
 
-std::size_t ReportPointsAFrame(const std::vector<StillFiles>& stills) {
+std::size_t ReportPointsAFrame(const std::vector<CaptureFiles>& captures) {
   std::size_t frames = 1;
-  for (const StillFiles& still : stills) frames += still.sensors->size();
+  for (const CaptureFiles& capture : captures) frames += capture.sensors->size();
   return std::min(kReportPointsAFrame, kReportPoints / frames);
 }
 
 /// Paths of a capture's files below a calibration's folder, whether they were written or not.
 /// `clouds`: names of the placed sensors.
-void AddPaths(const std::string& still, const std::vector<std::string>& sensors,
+void AddPaths(const std::string& capture, const std::vector<std::string>& sensors,
               const std::vector<std::string>& clouds, std::set<std::filesystem::path>* paths) {
-  const std::filesystem::path below = still;
+  const std::filesystem::path below = capture;
   for (const char* kind : kImageFolders) {
     for (const std::string& name : sensors) paths->insert(kind / below / (name + ".png"));
   }
@@ -203,15 +205,15 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
     for (const std::string& name : root.Child("sensors").Keys()) {
       if (IsFileName(name)) sensors.push_back(name);
     }
-    std::vector<std::string> stills;
+    std::vector<std::string> captures;
     if (root.Has("placements")) {
       for (const JsonObject& placement : root.Children("placements")) {
         if (placement.Has("name") && IsFileName(placement.Text("name")))
-          stills.push_back(placement.Text("name"));
+          captures.push_back(placement.Text("name"));
       }
     }
-    if (stills.empty()) stills = {""};
-    for (const std::string& still : stills) AddPaths(still, sensors, sensors, &files);
+    if (captures.empty()) captures = {""};
+    for (const std::string& capture : captures) AddPaths(capture, sensors, sensors, &files);
     files.insert(kReportFile);
     files.insert(kRigFile);
   } catch (const Error&) {
@@ -222,16 +224,17 @@ std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder
 
 /// Files of an earlier run that this one does not write.
 std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folder,
-                                              const std::vector<StillFiles>& stills, bool report) {
+                                              const std::vector<CaptureFiles>& captures,
+                                              bool report) {
   std::set<std::filesystem::path> now;
   if (report) now = {kReportFile, kRigFile};
-  for (const StillFiles& still : stills) {
+  for (const CaptureFiles& capture : captures) {
     std::vector<std::string> sensors, placed;
-    for (const FrameResult& sensor : *still.sensors) {
+    for (const FrameResult& sensor : *capture.sensors) {
       sensors.push_back(sensor.name);
       if (sensor.structure_from_sensor) placed.push_back(sensor.name);
     }
-    AddPaths(still.name, sensors, placed, &now);
+    AddPaths(capture.name, sensors, placed, &now);
   }
   std::set<std::filesystem::path> outdated;
   for (const std::filesystem::path& path : EarlierFiles(folder)) {
@@ -243,35 +246,36 @@ std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folde
 }  // namespace
 
 void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
-                     const std::vector<Still>& stills, const Structure& structure,
+                     const std::vector<Capture>& captures, const Structure& structure,
                      const ExtrinsicsSource& source, const ReportRun& run) {
-  const std::vector<StillFiles> files = StillsOf(result, structure, source.world);
+  const std::vector<CaptureFiles> files = NameCaptures(result, structure, source.world);
   const std::size_t points = ReportPointsAFrame(files);
-  std::vector<ReportStill> shown;
-  for (const StillFiles& still : files) {
-    const std::vector<FrameResult>& sensors = *still.sensors;
+  std::vector<ReportCapture> shown;
+  for (const CaptureFiles& capture : files) {
+    const std::vector<FrameResult>& sensors = *capture.sensors;
     const std::vector<int> turns = UprightTurnsOf(sensors);
     std::vector<nlohmann::ordered_json> frames(sensors.size());
     ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
-      frames[i] = ReportFrameJson({sensors[i].name, MakePanels(sensors[i], *still.built, turns[i]),
-                                   ThinCloud(CloudOf(still, sensors[i]), points)});
+      frames[i] =
+          ReportFrameJson({sensors[i].name, MakePanels(sensors[i], *capture.built, turns[i]),
+                           ThinCloud(CloudOf(capture, sensors[i]), points)});
     });
-    shown.push_back({still.name, *still.built, std::move(frames)});
+    shown.push_back({capture.name, *capture.built, std::move(frames)});
   }
-  const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
+  const Extrinsics extrinsics = MakeExtrinsics(result, captures, structure, source);
   WriteFileAtomically(path,
                       ReportPage(ReportPayload(extrinsics, shown, RigOf(result, files), run)));
 }
 
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
-                      const std::vector<Still>& stills, const Structure& structure,
+                      const std::vector<Capture>& captures, const Structure& structure,
                       const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
-  const std::vector<StillFiles> files = StillsOf(result, structure, source.world);
+  const std::vector<CaptureFiles> files = NameCaptures(result, structure, source.world);
   const std::size_t points = report ? ReportPointsAFrame(files) : 0;
   std::vector<std::vector<FrameFiles>> written;
-  for (const StillFiles& still : files)
-    written.push_back(WriteStill(folder.draft(), still, points));
-  const Extrinsics extrinsics = MakeExtrinsics(result, stills, structure, source);
+  for (const CaptureFiles& capture : files)
+    written.push_back(WriteCapture(folder.draft(), capture, points));
+  const Extrinsics extrinsics = MakeExtrinsics(result, captures, structure, source);
   if (report)
     WriteReport(folder.draft(), files, std::move(written), extrinsics, RigOf(result, files),
                 *report);

@@ -23,13 +23,13 @@ namespace volalign {
 /// argument has the captures of `result`. Files of sensors in an earlier extrinsics.json are
 /// removed if this run does not write them; nothing else is. Throws IoError.
 void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
-                      const std::vector<Still>& stills, const Structure& structure,
+                      const std::vector<Capture>& captures, const Structure& structure,
                       const ExtrinsicsSource& source,
                       const std::optional<ReportRun>& report = std::nullopt);
 
 /// Writes report.html alone, atomically. Throws IoError.
 void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
-                     const std::vector<Still>& stills, const Structure& structure,
+                     const std::vector<Capture>& captures, const Structure& structure,
                      const ExtrinsicsSource& source, const ReportRun& run);
 
 }  // namespace volalign

@@ -181,29 +181,29 @@ std::vector<std::string> Placed(const std::vector<FrameResult>& sensors) {
 std::vector<Extrinsics::Placement> PlacementsOf(const CalibrationResult& result,
                                                 const Structure& structure,
                                                 const std::vector<std::string>& captures) {
-  const auto capture = [&](std::size_t s) { return s < captures.size() ? captures[s] : ""; };
+  const auto file_of = [&](std::size_t s) { return s < captures.size() ? captures[s] : ""; };
   std::vector<Extrinsics::Placement> placements;
-  if (result.stills.empty()) {
+  if (result.captures.empty()) {
     Extrinsics::Placement only;
-    only.capture = capture(0);
+    only.capture = file_of(0);
     only.sensors = Placed(result.sensors);
     only.boxes = BoxesOf(result.boxes, structure, result.built);
     return {only};
   }
-  for (std::size_t s = 0; s < result.stills.size(); ++s) {
-    const StillResult& still = result.stills[s];
-    placements.push_back({still.name, capture(s), still.first_from_placement,
-                          SigmaTranslation(still.covariance), SigmaRotationDeg(still.covariance),
-                          Placed(still.sensors), BoxesOf(still.boxes, structure, still.built),
-                          still.covariance});
+  for (std::size_t s = 0; s < result.captures.size(); ++s) {
+    const CaptureResult& capture = result.captures[s];
+    placements.push_back({capture.name, file_of(s), capture.first_from_placement,
+                          SigmaTranslation(capture.covariance),
+                          SigmaRotationDeg(capture.covariance), Placed(capture.sensors),
+                          BoxesOf(capture.boxes, structure, capture.built), capture.covariance});
   }
   return placements;
 }
 
 /// The first frame of a sensor.
-const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::string& name) {
-  for (const Still& still : stills) {
-    for (const SensorFrame& frame : still.frames) {
+const SensorFrame& FrameOfSensor(const std::vector<Capture>& captures, const std::string& name) {
+  for (const Capture& capture : captures) {
+    for (const SensorFrame& frame : capture.frames) {
       if (frame.name == name) return frame;
     }
   }
@@ -212,7 +212,7 @@ const SensorFrame& FrameOfSensor(const std::vector<Still>& stills, const std::st
 
 }  // namespace
 
-Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Capture>& captures,
                           const Structure& structure, const ExtrinsicsSource& source) {
   Extrinsics out;
   out.tool = Tool();
@@ -228,7 +228,7 @@ Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Sti
   out.assembly = result.assembly;
   out.verdict = result.verdict();
   for (const FrameResult& sensor : result.sensors) {
-    out.sensors.push_back(SensorOf(sensor, FrameOfSensor(stills, sensor.name)));
+    out.sensors.push_back(SensorOf(sensor, FrameOfSensor(captures, sensor.name)));
     out.verdict = std::max(out.verdict, out.sensors.back().status);
   }
   out.boxes = BoxesOf(result.boxes, structure, result.built);

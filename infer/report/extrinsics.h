@@ -114,7 +114,7 @@ struct Extrinsics {
 
 /// Gathers the file's content. A sensor with numbers that are not finite is demoted
 /// (DemoteIfNotFinite).
-Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Still>& stills,
+Extrinsics MakeExtrinsics(const CalibrationResult& result, const std::vector<Capture>& captures,
                           const Structure& structure, const ExtrinsicsSource& source);
 
 /// The file's JSON. `where` begins every message. Throws as WriteExtrinsics.

@@ -176,9 +176,9 @@ std::string BoxesIn(const std::string& where, const std::vector<RefinedBox>& box
 
 std::string Boxes(const CalibrationResult& result) {
   std::string text;
-  if (result.stills.empty()) text = BoxesIn("", result.boxes, result.built);
-  for (const StillResult& still : result.stills)
-    text += BoxesIn(fmt::format("in {}: ", still.name), still.boxes, still.built);
+  if (result.captures.empty()) text = BoxesIn("", result.boxes, result.built);
+  for (const CaptureResult& capture : result.captures)
+    text += BoxesIn(fmt::format("in {}: ", capture.name), capture.boxes, capture.built);
   if (result.size_estimated) {
     text += fmt::format("boxes are {:.2f} % of their nominal size (sigma {:.2f} %)\n",
                         100 * result.size_scale, 100 * result.sigma_size_scale);
@@ -189,16 +189,16 @@ std::string Boxes(const CalibrationResult& result) {
 /// The stack's place in each of several captures, and the sensors that show it.
 std::string Placements(const CalibrationResult& result) {
   std::string text;
-  for (std::size_t s = 0; s < result.stills.size(); ++s) {
-    const StillResult& still = result.stills[s];
+  for (std::size_t s = 0; s < result.captures.size(); ++s) {
+    const CaptureResult& capture = result.captures[s];
     std::string placed, others;
-    for (const FrameResult& sensor : still.sensors) {
+    for (const FrameResult& sensor : capture.sensors) {
       if (sensor.structure_from_sensor) placed += (placed.empty() ? "" : ", ") + sensor.name;
       if (sensor.status == SensorStatus::kOk) continue;
       others +=
           fmt::format("; {} {} ({})", sensor.name, ToString(sensor.status), ToString(sensor.code));
     }
-    const Pose& pose = still.first_from_placement;
+    const Pose& pose = capture.first_from_placement;
     std::string where = "the stack stands where poses are given";
     if (s > 0 && placed.empty()) where = "no sensor shows where the stack stood";
     if (s > 0 && !placed.empty()) {
@@ -208,11 +208,11 @@ std::string Placements(const CalibrationResult& result) {
           "{:.2f} deg (sigma {:.1f} mm, {:.3f} deg)",
           pose.translation().x(), pose.translation().y(), pose.translation().z(),
           std::atan2(pose.linear()(0, 2), pose.linear()(0, 0)) / kDegree,
-          1000 * SigmaTranslation(still.covariance).maxCoeff(),
-          SigmaRotationDeg(still.covariance).maxCoeff());
+          1000 * SigmaTranslation(capture.covariance).maxCoeff(),
+          SigmaRotationDeg(capture.covariance).maxCoeff());
     }
-    text += fmt::format("in {}: {}; by {}{}\n", still.name, where, placed.empty() ? "none" : placed,
-                        others);
+    text += fmt::format("in {}: {}; by {}{}\n", capture.name, where,
+                        placed.empty() ? "none" : placed, others);
   }
   return text;
 }

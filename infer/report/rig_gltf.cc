@@ -102,7 +102,7 @@ int AddCloud(tinygltf::Model* model, const RigCloud& cloud) {
   points.attributes["POSITION"] = AddPositions(model, positions);
   points.attributes["COLOR_0"] = AddBytes(model, colours, TINYGLTF_TYPE_VEC4);
   tinygltf::Mesh mesh;
-  mesh.name = cloud.sensor + " points" + (cloud.still.empty() ? "" : " in " + cloud.still);
+  mesh.name = cloud.sensor + " points" + (cloud.capture.empty() ? "" : " in " + cloud.capture);
   mesh.primitives.push_back(std::move(points));
   tinygltf::Node node;
   node.name = mesh.name;

@@ -13,7 +13,7 @@ namespace volalign {
 /// The points of one frame.
 struct RigCloud {
   std::string sensor;
-  std::string still;                 ///< empty for a single capture
+  std::string capture;               ///< empty for a single capture
   std::vector<AlignedPoint> points;  ///< structure frame of the first capture
 };
 

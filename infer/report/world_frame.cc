@@ -171,21 +171,21 @@ Pose CarrierFromStructure(const std::vector<Carried>& captures) {
 
 WorldFrame FromCarrier(const WorldObservation& observation, const CalibrationResult& result) {
   std::vector<Carried> captures;
-  if (observation.world_from_carrier.size() != result.stills.size()) {
+  if (observation.world_from_carrier.size() != result.captures.size()) {
     throw ConfigError(fmt::format(
         "--world: it has {} poses of the carrier, and there {} {} "
         "capture{}; each capture needs one",
-        observation.world_from_carrier.size(), result.stills.size() > 1 ? "are" : "is",
-        std::max<std::size_t>(result.stills.size(), 1), result.stills.size() > 1 ? "s" : ""));
+        observation.world_from_carrier.size(), result.captures.size() > 1 ? "are" : "is",
+        std::max<std::size_t>(result.captures.size(), 1), result.captures.size() > 1 ? "s" : ""));
   }
-  for (std::size_t i = 0; i < result.stills.size(); ++i) {
-    const StillResult& still = result.stills[i];
+  for (std::size_t i = 0; i < result.captures.size(); ++i) {
+    const CaptureResult& capture = result.captures[i];
     const bool placed =
-        std::any_of(still.sensors.begin(), still.sensors.end(),
+        std::any_of(capture.sensors.begin(), capture.sensors.end(),
                     [](const FrameResult& sensor) { return sensor.structure_from_sensor; });
     if (placed)
       captures.push_back(
-          {observation.world_from_carrier[i], still.first_from_placement, still.covariance});
+          {observation.world_from_carrier[i], capture.first_from_placement, capture.covariance});
   }
   if (captures.size() < 3) {
     throw ConfigError(

@@ -43,9 +43,10 @@ using Badness = std::array<double, 4>;
 Badness BadnessOf(const TargetQuality& quality) {
   Badness badness{};
   for (const TargetView& view : quality.views) {
-    const bool alike = std::any_of(view.look_alike.begin(), view.look_alike.end(), [&](int alias) {
-      return !quality.aliases[static_cast<std::size_t>(alias)].floor_tells;
-    });
+    const bool alike =
+        std::any_of(view.look_alike.begin(), view.look_alike.end(), [&](int symmetry) {
+          return !quality.symmetries[static_cast<std::size_t>(symmetry)].floor_tells;
+        });
     badness[0] += alike;
     badness[1] += !view.sides_fix_pose;
     badness[2] += !view.look_alike.empty();

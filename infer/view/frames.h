@@ -18,13 +18,13 @@ namespace volalign {
 
 /// The identity of a frame: one sensor in one capture.
 struct FrameId {
-  std::size_t still = 0, frame = 0;  ///< index of the capture, and of the frame in it
+  std::size_t capture = 0, frame = 0;  ///< index of the capture, and of the frame in it
 
   bool operator==(const FrameId& other) const {
-    return still == other.still && frame == other.frame;
+    return capture == other.capture && frame == other.frame;
   }
   bool operator<(const FrameId& other) const {
-    return std::tie(still, frame) < std::tie(other.still, other.frame);
+    return std::tie(capture, frame) < std::tie(other.capture, other.frame);
   }
 };
 
@@ -34,24 +34,24 @@ class PerFrame {
  public:
   PerFrame() = default;
   /// The argument has the values of each capture's frames.
-  explicit PerFrame(std::vector<std::vector<T>> stills) : stills_(std::move(stills)) {}
+  explicit PerFrame(std::vector<std::vector<T>> captures) : captures_(std::move(captures)) {}
 
-  T& operator[](FrameId id) { return stills_[id.still][id.frame]; }
-  const T& operator[](FrameId id) const { return stills_[id.still][id.frame]; }
-  std::vector<T>& OfStill(std::size_t still) { return stills_[still]; }
-  const std::vector<T>& OfStill(std::size_t still) const { return stills_[still]; }
-  std::size_t stills() const { return stills_.size(); }
+  T& operator[](FrameId id) { return captures_[id.capture][id.frame]; }
+  const T& operator[](FrameId id) const { return captures_[id.capture][id.frame]; }
+  std::vector<T>& OfCapture(std::size_t capture) { return captures_[capture]; }
+  const std::vector<T>& OfCapture(std::size_t capture) const { return captures_[capture]; }
+  std::size_t captures() const { return captures_.size(); }
   /// The ids of all frames, in order.
   std::vector<FrameId> Ids() const {
     std::vector<FrameId> ids;
-    for (std::size_t s = 0; s < stills_.size(); ++s) {
-      for (std::size_t i = 0; i < stills_[s].size(); ++i) ids.push_back({s, i});
+    for (std::size_t s = 0; s < captures_.size(); ++s) {
+      for (std::size_t i = 0; i < captures_[s].size(); ++i) ids.push_back({s, i});
     }
     return ids;
   }
 
  private:
-  std::vector<std::vector<T>> stills_;
+  std::vector<std::vector<T>> captures_;
 };
 
 /// A value of some frames, in order.
@@ -62,9 +62,9 @@ using SomeFrames = std::map<FrameId, T>;
 template <class T, class F>
 auto MapFrames(const PerFrame<T>& like, int threads, const F& of) {
   using Value = std::decay_t<decltype(of(FrameId()))>;
-  std::vector<std::vector<Value>> stills;
-  for (std::size_t s = 0; s < like.stills(); ++s) stills.emplace_back(like.OfStill(s).size());
-  PerFrame<Value> values(std::move(stills));
+  std::vector<std::vector<Value>> captures;
+  for (std::size_t s = 0; s < like.captures(); ++s) captures.emplace_back(like.OfCapture(s).size());
+  PerFrame<Value> values(std::move(captures));
   const std::vector<FrameId> ids = like.Ids();
   ParallelFor(ids.size(), threads, [&](std::size_t k) { values[ids[k]] = of(ids[k]); });
   return values;
@@ -72,14 +72,14 @@ auto MapFrames(const PerFrame<T>& like, int threads, const F& of) {
 
 /// The input of calibration. Frames of one name are of one sensor.
 struct CaptureSet {
-  CaptureSet(std::vector<Still> stills, Structure structure);
+  CaptureSet(std::vector<Capture> captures, Structure structure);
 
-  std::vector<Still> stills;
+  std::vector<Capture> captures;
   Structure structure;               ///< as described
   std::vector<std::string> sensors;  ///< names in the order in which they first occur
   PerFrame<std::size_t> sensor_of;   ///< index of each frame's sensor
 
-  const SensorFrame& operator[](FrameId id) const { return stills[id.still].frames[id.frame]; }
+  const SensorFrame& operator[](FrameId id) const { return captures[id.capture].frames[id.frame]; }
 };
 
 }  // namespace volalign

@@ -42,7 +42,7 @@ struct SensorFrame {
 };
 
 /// A capture: the frames of the sensors while the stack stood in one place.
-struct Still {
+struct Capture {
   std::string name;  ///< of the capture, for a reader; unique
   std::vector<SensorFrame> frames;
 };

@@ -3,16 +3,17 @@
 //
 //   cause_shares STRUCTURE OTHER_STRUCTURE CAPTURE.json EXTRINSICS.json [MODEL.safetensors]
 //
-// The poses of the extrinsics are taken for right. Wrong ones are those of the structure's aliases,
-// but for those that move every box onto a box, and of turns and steps that are none, brought onto
-// the boxes as far as they go, and the best that the other structure has in the same frames. Of two
-// sensors, one has such a pose. One line each: "view" or "pair", "right" or "wrong", what it is of,
-// cells of surface, before, behind and missing, and of a view cells that the model, which knows the
-// structure, has named so and otherwise, and that both label and depth have on the structure. Lines
-// of "floor" have cells on the floor and others; wrong are those of the wrong poses that stand on
-// another floor. Lines of "sensor" have, for the right pose and each wrong one of this structure,
-// what each factor says, log odds by the depths, the outline and the labels of the view, by its
-// pairs with all others at theirs, and by the floor, and whether the pose turns the structure over.
+// The poses of the extrinsics are taken for right. Wrong ones are those of the structure's
+// symmetries, but for those that move every box onto a box, and of turns and steps that are none,
+// brought onto the boxes as far as they go, and the best that the other structure has in the same
+// frames. Of two sensors, one has such a pose. One line each: "view" or "pair", "right" or "wrong",
+// what it is of, cells of surface, before, behind and missing, and of a view cells that the model,
+// which knows the structure, has named so and otherwise, and that both label and depth have on the
+// structure. Lines of "floor" have cells on the floor and others; wrong are those of the wrong
+// poses that stand on another floor. Lines of "sensor" have, for the right pose and each wrong one
+// of this structure, what each factor says, log odds by the depths, the outline and the labels of
+// the view, by its pairs with all others at theirs, and by the floor, and whether the pose turns
+// the structure over.
 
 #include <fmt/format.h>
 
@@ -47,11 +48,12 @@ void Print(const std::string& what, const std::string& of, const CauseShares& ca
   fmt::print("\t{:.4f}\t{:.4f}\t{:.4f}\n", named_so, named_otherwise, labelled_on);
 }
 
-/// Aliases, turns about the vertical and upside down, and steps of half a box.
+/// Symmetries, turns about the vertical and upside down, and steps of half a box.
 std::vector<Pose> WrongMotions(const Structure& structure) {
   std::vector<Pose> motions;
-  for (const StructureAlias& alias : FindAliases(structure)) {
-    if (alias.boxes < static_cast<int>(structure.boxes().size())) motions.push_back(alias.motion);
+  for (const StructureSymmetry& symmetry : FindSymmetries(structure)) {
+    if (symmetry.boxes < static_cast<int>(structure.boxes().size()))
+      motions.push_back(symmetry.motion);
   }
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   double edge = 1;
@@ -81,11 +83,11 @@ struct Sensor {
 };
 
 /// A motion that moves every box onto a box: nothing tells the pose from what it was.
-bool IsAlias(const Structure& structure, const Pose& from, const Pose& to) {
-  const std::vector<StructureAlias> aliases = FindAliases(structure);
-  return std::any_of(aliases.begin(), aliases.end(), [&](const StructureAlias& alias) {
-    return alias.boxes == static_cast<int>(structure.boxes().size()) &&
-           SamePose(structure, alias.motion * from, to);
+bool IsSymmetry(const Structure& structure, const Pose& from, const Pose& to) {
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
+  return std::any_of(symmetries.begin(), symmetries.end(), [&](const StructureSymmetry& symmetry) {
+    return symmetry.boxes == static_cast<int>(structure.boxes().size()) &&
+           SamePose(structure, symmetry.motion * from, to);
   });
 }
 
@@ -104,7 +106,8 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
   for (const Pose& motion : WrongMotions(structure)) {
     Pose pose = FitToBoxes(points, structure, BoxFit(), motion * sensor.pose);
     pose = FitToBoxes(points, structure, {4, 1500, 0.05, 0.03, false}, pose);
-    if (SamePose(structure, pose, sensor.pose) || IsAlias(structure, sensor.pose, pose)) continue;
+    if (SamePose(structure, pose, sensor.pose) || IsSymmetry(structure, sensor.pose, pose))
+      continue;
     const bool known = std::any_of(wrong.begin(), wrong.end(), [&](const Pose& each) {
       return SamePose(structure, pose, each);
     });
@@ -178,7 +181,7 @@ void MeasurePairs(const std::vector<Sensor>& sensors, const Structure& structure
 int Run(const std::vector<std::string>& arguments) {
   const Structure structure = ReadStructure(arguments.at(0)),
                   other = ReadStructure(arguments.at(1));
-  const Capture capture = ReadCapture(arguments.at(2));
+  const CaptureFile capture = ReadCapture(arguments.at(2));
   const Extrinsics extrinsics = ReadExtrinsics(arguments.at(3));
   const std::unique_ptr<Segmenter> segmenter =
       arguments.size() > 4 ? LoadNetworkSegmenter(arguments[4]) : nullptr;

@@ -73,9 +73,9 @@ struct Placed {
   std::vector<std::string> ok;
 };
 
-Placed Place(const RigCapture& capture, Segmenter& segmenter) {
-  const EvaluationStill still = StillOf(capture);
-  const CalibrationResult result = Calibrate(still.frames, still.structure, segmenter);
+Placed Place(const RigCapture& rendered, Segmenter& segmenter) {
+  const EvaluationCapture capture = EvaluationCaptureOf(rendered);
+  const CalibrationResult result = Calibrate(capture.frames, capture.structure, segmenter);
   Placed placed;
   for (const FrameResult& sensor : result.sensors) {
     if (!sensor.structure_from_sensor) continue;
@@ -123,7 +123,7 @@ void Run(const Values& values) {
   GlDepthRenderer renderer;
   for (const std::uint64_t seed : ParseSeeds(values.at("seeds"))) {
     Rig rig = ReadRigOf(values, seed);
-    // All that is tried is a further still of the same rig: rooms and devices stay as they are.
+    // All that is tried is a further capture of the same rig: rooms and devices stay as they are.
     const RigPlacement elsewhere = rig.placements[0];
     rig.placements.assign(trials.size(), elsewhere);
     RandomStream random(seed, 0, "moved");
@@ -141,10 +141,10 @@ void Run(const Values& values) {
       }
       rig.placements[k].moved.push_back(movement);
     }
-    const std::vector<RigCapture> stills = RenderPlacements(rig, renderer);
-    const Placed last = Place(stills[0], *segmenter);
+    const std::vector<RigCapture> captures = RenderPlacements(rig, renderer);
+    const Placed last = Place(captures[0], *segmenter);
     for (std::size_t k = 0; k < trials.size(); ++k)
-      Count(last, Place(stills[k + 1], *segmenter), mover, &trials[k]);
+      Count(last, Place(captures[k + 1], *segmenter), mover, &trials[k]);
     fmt::print(stderr, "seed {}\n", seed);
   }
   fmt::print("| movement | found | others accused | undecided |\n|---|---|---|---|\n");

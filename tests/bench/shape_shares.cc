@@ -41,7 +41,7 @@ void Print(const SensorFrame& frame, const std::optional<Pose>& truth, const Pos
 
 int Run(const std::vector<std::string>& arguments) {
   const Structure structure = ReadStructure(arguments.at(0));
-  const Capture capture = ReadCapture(arguments.at(1));
+  const CaptureFile capture = ReadCapture(arguments.at(1));
   std::map<std::string, Extrinsics::Sensor> refined;
   if (arguments.size() > 2) {
     for (const Extrinsics::Sensor& sensor : ReadExtrinsics(arguments[2]).sensors) {

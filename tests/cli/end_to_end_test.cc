@@ -66,7 +66,7 @@ CalibrationResult CalibrateFrames(const std::vector<SensorFrame>& frames,
 }
 
 CalibrationResult CalibrateWithoutAModel(const std::vector<SensorFrame>& frames) {
-  return Calibrate(std::vector<Still>{{"", frames}}, ReadStructure("configs/structure.yaml"),
+  return Calibrate(std::vector<Capture>{{"", frames}}, ReadStructure("configs/structure.yaml"),
                    nullptr, CalibrateOptions());
 }
 

@@ -646,7 +646,7 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
 
 // Light that bounces has the longer way: a box that stands on the floor reads too far, and the
 // floor beside it.
-TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
+TEST(AddFrameErrors, OfTimeOfFlightHaveMultipath) {
   EglContext egl;
   GlDepthRenderer renderer;
   const Structure structure = ReadStructure("configs/structure.yaml");
@@ -676,8 +676,9 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveBouncedLight) {
     const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
     if (!is_floor && !is_front) continue;
     const double expected =
-        model.bounce_m * BouncedShare(structure, is_floor ? floor : structure.SideOfLabel(label), q,
-                                      pose.translation(), model.bounce_reach_m);
+        model.bounce_m * DiffuseMultipathShare(structure,
+                                               is_floor ? floor : structure.SideOfLabel(label), q,
+                                               pose.translation(), model.bounce_reach_m);
     const double bulge =
         bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);
     EXPECT_NEAR(mean(u, v) - bulge, expected, 0.0005) << u << " " << v;

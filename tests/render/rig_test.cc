@@ -250,7 +250,7 @@ TEST_F(RigTest, MissingPixelsAreLostByThemselves) {
   }
 }
 
-TEST_F(RigTest, AStillIsAsItWasRecorded) {
+TEST_F(RigTest, ACaptureIsAsItWasRecorded) {
   // Whatever draws more or other random numbers changes these by much more.
   const RigCapture capture = RenderOne(Parse(kTwo), renderer_);
   const double recorded[2][2] = {{31182, 2.14343},
@@ -305,21 +305,21 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
   const std::string content =
       "noise: none\nassembly: {position_mm: 4, yaw_deg: 1, size_scale_percent: 1, "
       "floor_tilt_deg: 0.4}\n";
-  const std::vector<RigCapture> stills =
+  const std::vector<RigCapture> captures =
       RenderPlacements(Parse(content + kTwo + kPlacements), renderer_);
-  ASSERT_EQ(stills.size(), 3u);
-  for (const RigCapture& still : stills) {
-    EXPECT_EQ(still.size_scale, stills[0].size_scale);
-    for (std::size_t b = 0; b < still.box_offsets.size(); ++b) {
+  ASSERT_EQ(captures.size(), 3u);
+  for (const RigCapture& capture : captures) {
+    EXPECT_EQ(capture.size_scale, captures[0].size_scale);
+    for (std::size_t b = 0; b < capture.box_offsets.size(); ++b) {
       const double change =
-          (still.box_offsets[b].matrix() - stills[0].box_offsets[b].matrix()).norm();
-      EXPECT_EQ(&still == &stills[0], change < 1e-4);
+          (capture.box_offsets[b].matrix() - captures[0].box_offsets[b].matrix()).norm();
+      EXPECT_EQ(&capture == &captures[0], change < 1e-4);
     }
-    const Structure built = still.structure.Displaced(still.box_offsets, still.size_scale);
+    const Structure built = capture.structure.Displaced(capture.box_offsets, capture.size_scale);
     for (std::size_t i = 0; i < 2; ++i) {
-      const CapturedSensor &sensor = still.sensors[i], &first = stills[0].sensors[i];
+      const CapturedSensor &sensor = capture.sensors[i], &first = captures[0].sensors[i];
       EXPECT_TRUE(sensor.intrinsics == first.intrinsics);
-      EXPECT_LT(((still.first_from_placement * sensor.structure_from_sensor).matrix() -
+      EXPECT_LT(((capture.first_from_placement * sensor.structure_from_sensor).matrix() -
                  first.structure_from_sensor.matrix())
                     .norm(),
                 1e-12);
@@ -347,21 +347,21 @@ TEST_F(RigTest, OnlyTheStructureMovesBetweenPlacements) {
     }
   }
   const Pose level = FirstFromPlacement(Parse(kTwo + kPlacements).placements[1]);
-  const PoseError tilt = ComparePoses(stills[2].first_from_placement, level);
+  const PoseError tilt = ComparePoses(captures[2].first_from_placement, level);
   EXPECT_LT(tilt.rotation_deg, 3);
   EXPECT_LT(tilt.translation_m, 0.05);
   EXPECT_GT(tilt.rotation_deg, 0.05);  // the floor's
 }
 
-TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
+TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatCaptureAlone) {
   const std::string moved =
       "placements:\n  - {x_cm: 40, z_cm: 10, yaw_deg: 30}\n"
       "  - {x_cm: 40, z_cm: 10, yaw_deg: 30, moved: [{sensor: B, translation_mm: [10, 0, 20], "
       "rotation_deg: [0, 3, 0]}]}\n";
-  const std::vector<RigCapture> stills = RenderPlacements(Parse(kTwo + moved), renderer_);
-  ASSERT_EQ(stills.size(), 3u);
-  const auto pose = [&](std::size_t still, std::size_t sensor) {
-    return stills[still].sensors[sensor].structure_from_sensor;
+  const std::vector<RigCapture> captures = RenderPlacements(Parse(kTwo + moved), renderer_);
+  ASSERT_EQ(captures.size(), 3u);
+  const auto pose = [&](std::size_t capture, std::size_t sensor) {
+    return captures[capture].sensors[sensor].structure_from_sensor;
   };
   EXPECT_EQ(pose(1, 0).matrix(), pose(2, 0).matrix());
   const Pose before_from_after = pose(1, 1).inverse() * pose(2, 1);
@@ -369,12 +369,12 @@ TEST_F(RigTest, ASensorThatIsMovedStandsElsewhereInThatStillAlone) {
   EXPECT_LT(
       (RotationLog(before_from_after.linear()) - Eigen::Vector3d(0, 3 * M_PI / 180, 0)).norm(),
       1e-12);
-  EXPECT_TRUE(stills[1].sensors[0].labels_clean == stills[2].sensors[0].labels_clean);
-  EXPECT_FALSE(stills[1].sensors[1].labels_clean == stills[2].sensors[1].labels_clean);
+  EXPECT_TRUE(captures[1].sensors[0].labels_clean == captures[2].sensors[0].labels_clean);
+  EXPECT_FALSE(captures[1].sensors[1].labels_clean == captures[2].sensors[1].labels_clean);
   EXPECT_THROW(Parse(kTwo + "placements: [{x_cm: 40, moved: [{sensor: nobody}]}]\n"), ConfigError);
 }
 
-TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
+TEST_F(RigTest, TheFirstCaptureIsThatOfTheRigWithoutPlacements) {
   const std::string alone = "room: false\n" + kTwo;
   const RigCapture one = RenderOne(Parse(alone), renderer_);
   for (const char* errors : {"", "device_errors: redrawn\n"}) {
@@ -388,7 +388,7 @@ TEST_F(RigTest, TheFirstStillIsThatOfTheRigWithoutPlacements) {
   }
 }
 
-/// Mean errors of blocks of pixels on what two stills see alike: of depth, or of 1 / z.
+/// Mean errors of blocks of pixels on what two captures see alike: of depth, or of 1 / z.
 struct CommonErrors {
   Tally first, second, product;
 
@@ -626,7 +626,7 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
   ExpectBad("sensors: [{name: -rf}]\n", "begins with -");
   ExpectBad("sensors: [{name: ../A}]\n", "../A");
   ExpectBad("sensors: [{name: A, rho: 3}]\n", "rho");
-  // A rig is one still: its room and structure are there or not.
+  // A rig is one capture: its room and structure are there or not.
   ExpectBad("sensors: [{name: A}]\nscene: {room_probability: 0.5}\n", "scene.room_probability");
   ExpectError<IoError>(
       [&] { RenderOne(Parse("structure: none.yaml\nsensors: [{name: A}]\n"), renderer_); },

@@ -33,46 +33,46 @@ constexpr double kNoDepthShade = 0.35;  // of an attention map where there is no
 constexpr double kViews[] = {30, 210};  // deg, from which clouds are drawn
 
 /// A picture of a view, upright if it is known how.
-RgbImage DrawView(const SuiteStill& still, std::size_t i, const RgbImage& picture,
+RgbImage DrawView(const SuiteCapture& capture, std::size_t i, const RgbImage& picture,
                   const std::string& caption) {
-  const SensorFrame& frame = still.still.frames[i];
+  const SensorFrame& frame = capture.evaluation.frames[i];
   return Captioned(frame.ground_truth ? Turn(picture, UprightTurns(*frame.ground_truth)) : picture,
                    fmt::format("{} {}", frame.name, caption));
 }
 
-std::vector<RgbImage> DrawLabels(const SuiteStill& still, const MethodResult& result,
+std::vector<RgbImage> DrawLabels(const SuiteCapture& capture, const MethodResult& result,
                                  const std::string& method) {
   std::vector<RgbImage> row;
   for (std::size_t i = 0; i < result.labels.size(); ++i) {
     row.push_back(
-        DrawView(still, i, OverlayLabels(still.views[i].depth, result.labels[i]), method));
+        DrawView(capture, i, OverlayLabels(capture.views[i].depth, result.labels[i]), method));
   }
   return row;
 }
 
 /// Empty for a method without attention. Captions have the least and the largest value.
-std::vector<RgbImage> DrawAttentions(const SuiteStill& still, const SuiteMethod& method) {
+std::vector<RgbImage> DrawAttentions(const SuiteCapture& capture, const SuiteMethod& method) {
   std::vector<RgbImage> row;
   if (method.model.empty()) return row;
-  const std::vector<Image<float>> attention = AttentionMaps(method.model, RequestsOf(still));
+  const std::vector<Image<float>> attention = AttentionMaps(method.model, RequestsOf(capture));
   for (std::size_t i = 0; i < attention.size(); ++i) {
     const Image<float>& map = attention[i];
     if (map.empty()) continue;
     const auto [least, most] = std::minmax_element(map.begin(), map.end());
-    row.push_back(DrawView(still, i, DrawAttention(still.views[i].depth, map),
+    row.push_back(DrawView(capture, i, DrawAttention(capture.views[i].depth, map),
                            fmt::format("{}: {:.3f}-{:.3f}", method.name, *least, *most)));
   }
   return row;
 }
 
-std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& result,
+std::vector<RgbImage> DrawClouds(const SuiteCapture& capture, const MethodResult& result,
                                  PoseStage stage, const std::string& method) {
   const FramePoses* poses = PosesAt(stage, result);
   if (!poses) return {};
-  const std::vector<SensorView> views = ViewsAt(stage, still, result);
-  const Structure& structure = still.still.structure;
+  const std::vector<SensorView> views = ViewsAt(stage, capture, result);
+  const Structure& structure = capture.evaluation.structure;
   const std::vector<LabelImage>& labels =
-      still.still.labels.empty() ? result.labels : still.still.labels;
+      capture.evaluation.labels.empty() ? result.labels : capture.evaluation.labels;
   ErrorCloud cloud;
   for (std::size_t i = 0; i < poses->size() && i < labels.size(); ++i) {
     if ((*poses)[i]) AddToCloud(views[i], labels[i], structure, *(*poses)[i], &cloud);
@@ -86,13 +86,13 @@ std::vector<RgbImage> DrawClouds(const SuiteStill& still, const MethodResult& re
 }
 
 /// The row of a method; empty if it has nothing for the figure.
-std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const SuiteStill& still,
+std::vector<RgbImage> DrawRow(const SuiteFigure& figure, const SuiteCapture& capture,
                               MethodSet& methods, std::size_t i) {
   const SuiteMethod& method = methods.at(i);
-  if (figure.kind == FigureKind::kAttention) return DrawAttentions(still, method);
-  const MethodResult result = methods.Run(i, still, 2);
-  if (figure.kind == FigureKind::kLabels) return DrawLabels(still, result, method.name);
-  return DrawClouds(still, result, figure.stage, method.name);
+  if (figure.kind == FigureKind::kAttention) return DrawAttentions(capture, method);
+  const MethodResult result = methods.Run(i, capture, 2);
+  if (figure.kind == FigureKind::kLabels) return DrawLabels(capture, result, method.name);
+  return DrawClouds(capture, result, figure.stage, method.name);
 }
 
 const SuiteItem* FindItem(const std::vector<SuiteItem>& items, const std::string& capture) {
@@ -177,13 +177,13 @@ std::vector<std::filesystem::path> WriteFigures(const SuiteConfig& suite, const 
       throw ConfigError(
           fmt::format("figures: {} is of {}, which no dataset has", figure.name, figure.capture));
     }
-    const SuiteStill still = LoadSuiteStill(*item, suite, renderer);
+    const SuiteCapture capture = LoadSuiteCapture(*item, suite, renderer);
     std::vector<RgbImage> pictures;
     std::size_t columns = 0;
     for (const std::string& name : figure.methods) {
       for (std::size_t i = 0; i < methods.size(); ++i) {
         if (methods.at(i).name != name || !methods.Applies(i, *item)) continue;
-        const std::vector<RgbImage> row = DrawRow(figure, still, methods, i);
+        const std::vector<RgbImage> row = DrawRow(figure, capture, methods, i);
         pictures.insert(pictures.end(), row.begin(), row.end());
         columns = std::max(columns, row.size());
       }

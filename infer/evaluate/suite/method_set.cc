@@ -57,8 +57,8 @@ std::string MethodSet::Fingerprint(std::size_t i, const SuiteItem& item) const {
   return Sha256(all);
 }
 
-MethodResult MethodSet::Run(std::size_t i, const SuiteStill& still, int threads) {
-  return RunMethod(methods_[i].method, still, Network(i), suite_, threads);
+MethodResult MethodSet::Run(std::size_t i, const SuiteCapture& capture, int threads) {
+  return RunMethod(methods_[i].method, capture, Network(i), suite_, threads);
 }
 
 Segmenter* MethodSet::Network(std::size_t i) {

@@ -31,7 +31,7 @@ class MethodSet {
   bool Applies(std::size_t i, const SuiteItem& item) const;
   /// A fingerprint of everything that the method's result for the capture depends on.
   std::string Fingerprint(std::size_t i, const SuiteItem& item) const;
-  MethodResult Run(std::size_t i, const SuiteStill& still, int threads);
+  MethodResult Run(std::size_t i, const SuiteCapture& capture, int threads);
 
  private:
   /// A network is loaded at its first use; its forward pass changes nothing in it.

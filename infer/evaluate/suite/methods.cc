@@ -29,13 +29,13 @@ std::vector<std::size_t> Placed(const FramePoses& poses) {
   return placed;
 }
 
-FramePoses RefineByGraph(const SuiteStill& still, const FramePoses& initial,
+FramePoses RefineByGraph(const SuiteCapture& capture, const FramePoses& initial,
                          const GraphIcpOptions& options) {
   FramePoses refined(initial.size());
   std::vector<GraphFrame> views;
   const std::vector<std::size_t> placed = Placed(initial);
-  for (const std::size_t i : placed) views.push_back({&still.views[i], *initial[i]});
-  const std::vector<Pose> poses = RefineGraph(still.still.structure, views, options);
+  for (const std::size_t i : placed) views.push_back({&capture.views[i], *initial[i]});
+  const std::vector<Pose> poses = RefineGraph(capture.evaluation.structure, views, options);
   for (std::size_t k = 0; k < placed.size(); ++k) refined[placed[k]] = poses[k];
   return refined;
 }
@@ -54,7 +54,7 @@ SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, 
 }
 
 /// Adds volalign's joint refinement of the initial poses, which label the pixels.
-void RefineStatistically(const SuiteStill& still, int threads, MethodResult* method) {
+void RefineStatistically(const SuiteCapture& capture, int threads, MethodResult* method) {
   const FramePoses& initial = method->initial;
   FramePoses& refined = method->statistical.emplace(initial.size());
   method->corrections.resize(initial.size());
@@ -64,16 +64,17 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
   options.threads = threads;
   std::vector<FrameInput> frames;
   for (const std::size_t i : placed) {
-    const SensorView& view = still.views[i];
+    const SensorView& view = capture.views[i];
     FrameInput frame;
-    SensorPoints points = SamplePoints(view, LabelsAt(view, still.still.structure, *initial[i]),
-                                       still.still.structure, options, 1);
+    SensorPoints points =
+        SamplePoints(view, LabelsAt(view, capture.evaluation.structure, *initial[i]),
+                     capture.evaluation.structure, options, 1);
     points.cloud = SampleCloud(view);
     frame.points = std::make_shared<const SensorPoints>(std::move(points));
     frame.start = *initial[i];
     frames.push_back(frame);
   }
-  const RefineResult result = Refine(still.still.structure, frames, options);
+  const RefineResult result = Refine(capture.evaluation.structure, frames, options);
   for (std::size_t k = 0; k < placed.size(); ++k) {
     refined[placed[k]] = result.frames[k].structure_from_sensor;
     method->corrections[placed[k]] = {result.frames[k].depth_gain, result.frames[k].depth_offset};
@@ -81,13 +82,14 @@ void RefineStatistically(const SuiteStill& still, int threads, MethodResult* met
 }
 
 /// Labels of the network, and the paper's poses.
-MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
+MethodResult RunNetwork(const SuiteCapture& capture, Segmenter& segmenter) {
   MethodResult result;
-  std::vector<SegmentationResult> segmented = segmenter.Segment(RequestsOf(still));
+  std::vector<SegmentationResult> segmented = segmenter.Segment(RequestsOf(capture));
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const InitialPose pose = EstimatePaperPose(still.views[i], segmented[i], still.still.structure);
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
+    const InitialPose pose =
+        EstimatePaperPose(capture.views[i], segmented[i], capture.evaluation.structure);
     result.initial.push_back(pose.found ? std::optional<Pose>(pose.structure_from_sensor)
                                         : std::nullopt);
     result.labels.push_back(std::move(segmented[i].labels));
@@ -95,23 +97,24 @@ MethodResult RunNetwork(const SuiteStill& still, Segmenter& segmenter) {
   return result;
 }
 
-MethodResult RunMarkers(const SuiteStill& still) {
-  if (still.infrared.size() != still.views.size())
+MethodResult RunMarkers(const SuiteCapture& capture) {
+  if (capture.infrared.size() != capture.views.size())
     throw Error("RunMethod: markers want an infrared picture of each frame");
   MethodResult result;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    result.initial.push_back(EstimateMarkerPose(
-        still.views[i], still.infrared_intrinsics[i],
-        FindMarkers(still.infrared[i], still.still.structure), still.still.structure));
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
+    result.initial.push_back(
+        EstimateMarkerPose(capture.views[i], capture.infrared_intrinsics[i],
+                           FindMarkers(capture.infrared[i], capture.evaluation.structure),
+                           capture.evaluation.structure));
   }
   return result;
 }
 
-MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int threads) {
+MethodResult RunVolalign(const SuiteCapture& capture, Segmenter& segmenter, int threads) {
   CalibrateOptions options;
   options.threads = threads;
   CalibrationResult calibration =
-      Calibrate(still.still.frames, still.still.structure, segmenter, options);
+      Calibrate(capture.evaluation.frames, capture.evaluation.structure, segmenter, options);
   MethodResult result;
   result.statistical.emplace();
   for (FrameResult& sensor : calibration.sensors) {
@@ -126,12 +129,12 @@ MethodResult RunVolalign(const SuiteStill& still, Segmenter& segmenter, int thre
 
 }  // namespace
 
-std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still) {
+std::vector<SegmentationRequest> RequestsOf(const SuiteCapture& capture) {
   std::vector<SegmentationRequest> requests;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    const SensorFrame& frame = still.still.frames[i];
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
+    const SensorFrame& frame = capture.evaluation.frames[i];
     const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
-    requests.push_back({&still.views[i].depth, &frame.intrinsics, turns});
+    requests.push_back({&capture.views[i].depth, &frame.intrinsics, turns});
   }
   return requests;
 }
@@ -144,24 +147,24 @@ const FramePoses* PosesAt(PoseStage stage, const MethodResult& result) {
   return poses ? &*poses : nullptr;
 }
 
-std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteStill& still,
+std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
                                 const MethodResult& result) {
-  if (stage != PoseStage::kCorrected) return still.views;
+  if (stage != PoseStage::kCorrected) return capture.views;
   std::vector<SensorView> views;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
     const DepthCorrection& correction = result.corrections.at(i);
-    views.push_back(Corrected(still.views[i], correction.gain, correction.offset_m));
+    views.push_back(Corrected(capture.views[i], correction.gain, correction.offset_m));
   }
   return views;
 }
 
-MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
+MethodResult RunMethod(const SuiteMethod& method, const SuiteCapture& capture, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads) {
-  if (method.kind == MethodKind::kVolalign) return RunVolalign(still, *segmenter, threads);
+  if (method.kind == MethodKind::kVolalign) return RunVolalign(capture, *segmenter, threads);
   MethodResult result =
-      method.kind == MethodKind::kMarkers ? RunMarkers(still) : RunNetwork(still, *segmenter);
-  result.graph = RefineByGraph(still, result.initial, suite.graph);
-  if (method.statistical) RefineStatistically(still, threads, &result);
+      method.kind == MethodKind::kMarkers ? RunMarkers(capture) : RunNetwork(capture, *segmenter);
+  result.graph = RefineByGraph(capture, result.initial, suite.graph);
+  if (method.statistical) RefineStatistically(capture, threads, &result);
   return result;
 }
 

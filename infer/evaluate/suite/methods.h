@@ -14,8 +14,8 @@
 namespace volalign {
 
 /// A capture with the input of the methods.
-struct SuiteStill {
-  EvaluationStill still;
+struct SuiteCapture {
+  EvaluationCapture evaluation;
   std::vector<SensorView> views;  ///< of its frames
   /// Pictures of its frames; empty without infrared pictures.
   std::vector<GreyImage> infrared;
@@ -41,18 +41,18 @@ struct MethodResult {
 
 /// A network's input for a capture: its frames. A frame whose turn is not known is turned as in the
 /// training. Refers to the argument.
-std::vector<SegmentationRequest> RequestsOf(const SuiteStill& still);
+std::vector<SegmentationRequest> RequestsOf(const SuiteCapture& capture);
 
 /// The poses of a stage; null if the method does not have it.
 const FramePoses* PosesAt(PoseStage stage, const MethodResult& result);
 
 /// The views for a stage's poses: with corrected depths, or as they are.
-std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteStill& still,
+std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
                                 const MethodResult& result);
 
 /// Runs a method. `segmenter`: of its model; markers do not use it. Throws Error for markers
 /// without infrared pictures.
-MethodResult RunMethod(const SuiteMethod& method, const SuiteStill& still, Segmenter* segmenter,
+MethodResult RunMethod(const SuiteMethod& method, const SuiteCapture& capture, Segmenter* segmenter,
                        const SuiteConfig& suite, int threads);
 
 }  // namespace volalign

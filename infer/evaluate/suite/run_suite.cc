@@ -64,11 +64,11 @@ class Progress {
   std::mutex mutex_;
 };
 
-CaptureScores Score(std::size_t method, const SuiteStill& still, const SuiteConfig& suite,
+CaptureScores Score(std::size_t method, const SuiteCapture& capture, const SuiteConfig& suite,
                     const SuiteRun& run, MethodSet& methods) {
   const auto start = std::chrono::steady_clock::now();
-  const MethodResult result = methods.Run(method, still, run.workers > 1 ? 1 : 2);
-  CaptureScores scores = ScoreCapture(still, result, suite.min_side_pixels);
+  const MethodResult result = methods.Run(method, capture, run.workers > 1 ? 1 : 2);
+  CaptureScores scores = ScoreCapture(capture, result, suite.min_side_pixels);
   scores.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return scores;
 }
@@ -78,7 +78,7 @@ std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& sui
                                    const SuiteRun& run, MethodSet& methods,
                                    WorkerRenderer& renderer, std::vector<CaptureScores>* fresh) {
   std::vector<CaptureScores> all;
-  std::optional<SuiteStill> still;
+  std::optional<SuiteCapture> capture;
   for (std::size_t i = 0; i < methods.size(); ++i) {
     if (!methods.Applies(i, item)) continue;
     const std::filesystem::path file = FileOf(run, item, methods.at(i));
@@ -87,8 +87,8 @@ std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& sui
       all.push_back(std::move(*known));
       continue;
     }
-    if (!still) still = LoadSuiteStill(item, suite, renderer);
-    CaptureScores scores = Score(i, *still, suite, run, methods);
+    if (!capture) capture = LoadSuiteCapture(item, suite, renderer);
+    CaptureScores scores = Score(i, *capture, suite, run, methods);
     scores.fingerprint = fingerprint;
     scores.dataset = item.dataset;
     scores.set_up = item.set_up;

@@ -16,8 +16,8 @@ namespace {
 
 constexpr char kScoresFormat[] = "volalign.suite_scores/1";
 
-Pose TruePose(const EvaluationStill& still, std::size_t i) {
-  return still.nominal_from_built * *still.frames[i].ground_truth;
+Pose TruePose(const EvaluationCapture& capture, std::size_t i) {
+  return capture.nominal_from_built * *capture.frames[i].ground_truth;
 }
 
 constexpr double kSurfaceGrid = 0.005;  // m
@@ -42,20 +42,20 @@ struct NamedStage {
   const FramePoses* poses;
   std::vector<SensorView> views;
 };
-std::vector<NamedStage> StagesOf(const SuiteStill& still, const MethodResult& result) {
+std::vector<NamedStage> StagesOf(const SuiteCapture& capture, const MethodResult& result) {
   std::vector<NamedStage> stages;
   for (const PoseStage stage : AllOf(PoseStage())) {
     if (const FramePoses* poses = PosesAt(stage, result))
-      stages.push_back({ToString(stage), poses, ViewsAt(stage, still, result)});
+      stages.push_back({ToString(stage), poses, ViewsAt(stage, capture, result)});
   }
   return stages;
 }
 
-ViewScores ScoreView(const SuiteStill& still, const MethodResult& result,
+ViewScores ScoreView(const SuiteCapture& capture, const MethodResult& result,
                      const std::vector<NamedStage>& stages, std::size_t i, int min_pixels) {
-  const Structure& structure = still.still.structure;
-  const SensorView& view = still.views[i];
-  const SensorFrame& frame = still.still.frames[i];
+  const Structure& structure = capture.evaluation.structure;
+  const SensorView& view = capture.views[i];
+  const SensorFrame& frame = capture.evaluation.frames[i];
   const LabelImage* labels = result.labels.empty() ? nullptr : &result.labels[i];
   ViewScores scores;
   scores.name = frame.name;
@@ -64,28 +64,29 @@ ViewScores ScoreView(const SuiteStill& still, const MethodResult& result,
     if (const std::optional<Pose>& pose = (*stage.poses)[i]) {
       score.placed = true;
       if (labels) score.labels = ScorePose(stage.views[i], *labels, structure, *pose, min_pixels);
-      if (frame.ground_truth) score.error = ComparePoses(*pose, TruePose(still.still, i));
+      if (frame.ground_truth) score.error = ComparePoses(*pose, TruePose(capture.evaluation, i));
     }
     scores.stages.push_back(score);
   }
   if (labels && frame.ground_truth)
-    scores.floor = ScorePose(view, *labels, structure, TruePose(still.still, i), min_pixels);
-  if (labels && !still.still.labels.empty()) {
-    scores.miou_of_truth =
-        MeanIou(*labels, still.still.labels[i], view.depth, {structure.num_classes(), false});
+    scores.floor = ScorePose(view, *labels, structure, TruePose(capture.evaluation, i), min_pixels);
+  if (labels && !capture.evaluation.labels.empty()) {
+    scores.miou_of_truth = MeanIou(*labels, capture.evaluation.labels[i], view.depth,
+                                   {structure.num_classes(), false});
   }
   return scores;
 }
 
 }  // namespace
 
-CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels) {
+CaptureScores ScoreCapture(const SuiteCapture& capture, const MethodResult& result,
+                           int min_pixels) {
   const std::vector<Eigen::Vector3d> surface =
-      SampleExposedSurface(still.still.structure, kSurfaceGrid);
-  const bool known = !still.still.labels.empty();
-  const std::vector<LabelImage>& on_structure = known ? still.still.labels : result.labels;
+      SampleExposedSurface(capture.evaluation.structure, kSurfaceGrid);
+  const bool known = !capture.evaluation.labels.empty();
+  const std::vector<LabelImage>& on_structure = known ? capture.evaluation.labels : result.labels;
   CaptureScores scores;
-  const std::vector<NamedStage> stages = StagesOf(still, result);
+  const std::vector<NamedStage> stages = StagesOf(capture, result);
   for (const NamedStage& stage : stages) {
     StageScores of;
     of.stage = stage.name;
@@ -96,13 +97,13 @@ CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, 
     scores.stages.push_back(of);
   }
   FramePoses truth;
-  for (std::size_t i = 0; i < still.views.size(); ++i) {
-    scores.views.push_back(ScoreView(still, result, stages, i, min_pixels));
-    truth.push_back(still.still.frames[i].ground_truth
-                        ? std::optional<Pose>(TruePose(still.still, i))
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
+    scores.views.push_back(ScoreView(capture, result, stages, i, min_pixels));
+    truth.push_back(capture.evaluation.frames[i].ground_truth
+                        ? std::optional<Pose>(TruePose(capture.evaluation, i))
                         : std::nullopt);
   }
-  if (const auto d = Distances(still.views, truth, on_structure, surface)) {
+  if (const auto d = Distances(capture.views, truth, on_structure, surface)) {
     scores.d1_floor_m = d->d1;
     scores.d2_floor_m = d->d2;
   }

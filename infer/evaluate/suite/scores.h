@@ -47,8 +47,8 @@ struct CaptureScores {
 /// structure, in the views that the method placed. They are the same for every method. For a
 /// recording, whose true labels nobody knows, they are those that the method labelled. Errors and
 /// floors are in the frame in which the boxes' own displacements average out
-/// (EvaluationStill::nominal_from_built).
-CaptureScores ScoreCapture(const SuiteStill& still, const MethodResult& result, int min_pixels);
+/// (EvaluationCapture::nominal_from_built).
+CaptureScores ScoreCapture(const SuiteCapture& capture, const MethodResult& result, int min_pixels);
 
 void WriteScores(const std::filesystem::path& path, const CaptureScores& scores);
 /// Reads the scores of a capture. Throws IoError or DataError.

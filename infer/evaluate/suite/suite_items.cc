@@ -60,9 +60,9 @@ std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& 
   return Some(ItemsOf(dataset, structure, infrared), most);
 }
 
-SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite,
-                          WorkerRenderer& renderer) {
-  SuiteStill still;
+SuiteCapture LoadSuiteCapture(const SuiteItem& item, const SuiteConfig& suite,
+                              WorkerRenderer& renderer) {
+  SuiteCapture capture;
   if (item.rig) {
     std::optional<InfraredRequest> infrared;
     if (item.infrared) {
@@ -71,18 +71,18 @@ SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite,
     }
     const std::vector<RigCapture> captures =
         RenderPlacements(*item.rig, *renderer, infrared ? &*infrared : nullptr);
-    still.still = StillOf(captures);
+    capture.evaluation = EvaluationCaptureOf(captures);
     for (const CapturedSensor& sensor : captures.front().sensors) {
       if (!infrared) break;
-      still.infrared.push_back(sensor.infrared);
-      still.infrared_intrinsics.push_back(sensor.infrared_intrinsics);
+      capture.infrared.push_back(sensor.infrared);
+      capture.infrared_intrinsics.push_back(sensor.infrared_intrinsics);
     }
   } else {
-    still.still = item.recording.load();
+    capture.evaluation = item.recording.load();
   }
-  for (const SensorFrame& frame : still.still.frames)
-    still.views.push_back(MakeSensorView(frame, frame.intrinsics));
-  return still;
+  for (const SensorFrame& frame : capture.evaluation.frames)
+    capture.views.push_back(MakeSensorView(frame, frame.intrinsics));
+  return capture;
 }
 
 }  // namespace volalign

@@ -44,7 +44,7 @@ class WorkerRenderer {
 };
 
 /// Renders or reads a capture.
-SuiteStill LoadSuiteStill(const SuiteItem& item, const SuiteConfig& suite,
-                          WorkerRenderer& renderer);
+SuiteCapture LoadSuiteCapture(const SuiteItem& item, const SuiteConfig& suite,
+                              WorkerRenderer& renderer);
 
 }  // namespace volalign

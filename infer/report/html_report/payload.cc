@@ -106,7 +106,7 @@ Json ReportFrameJson(const ReportFrame& frame) {
   return json;
 }
 
-Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>& stills,
+Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportCapture>& captures,
                    const ReportRig& rig, const ReportRun& run) {
   Json payload;
   payload["format"] = "volalign.report/1";
@@ -123,7 +123,7 @@ Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>&
   payload["decisive_odds"] = kDecisiveOdds;
   payload["limits"] = Limits(run.options);
   payload["extrinsics"] = ExtrinsicsJson(extrinsics, "report.html");
-  payload["labels"] = stills.empty() ? Json::array() : Labels(stills[0].built);
+  payload["labels"] = captures.empty() ? Json::array() : Labels(captures[0].built);
   payload["depth_colours"] = Scale(DepthColour, 0, 1);
   payload["residual_colours"] = Scale(SignedColour, -1, 1);
   payload["residual_scale_m"] = kResidualScale;
@@ -131,9 +131,9 @@ Json ReportPayload(const Extrinsics& extrinsics, const std::vector<ReportStill>&
   payload["residual_step_m"] = kResidualStep;
   payload["no_residual"] = kNoResidual;
   Json& parts = payload["stills"] = Json::array();
-  for (const ReportStill& still : stills) {
+  for (const ReportCapture& capture : captures) {
     parts.push_back(
-        {{"name", still.name}, {"boxes", Boxes(still.built)}, {"frames", still.frames}});
+        {{"name", capture.name}, {"boxes", Boxes(capture.built)}, {"frames", capture.frames}});
   }
   return payload;
 }

@@ -19,7 +19,7 @@ struct ReportFrame {
 };
 
 /// One capture: the structure as found, and its frames as JSON (ReportFrameJson).
-struct ReportStill {
+struct ReportCapture {
   std::string name;
   Structure built;
   std::vector<nlohmann::ordered_json> frames;
@@ -50,7 +50,7 @@ struct ReportRig {
 /// The page's content (docs/report.md): extrinsics.json as written, and everything that this file
 /// does not have.
 nlohmann::ordered_json ReportPayload(const Extrinsics& extrinsics,
-                                     const std::vector<ReportStill>& stills, const ReportRig& rig,
-                                     const ReportRun& run);
+                                     const std::vector<ReportCapture>& captures,
+                                     const ReportRig& rig, const ReportRun& run);
 
 }  // namespace volalign

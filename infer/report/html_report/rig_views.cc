@@ -77,13 +77,13 @@ std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Struc
 
 nlohmann::ordered_json AlternativeJson(const RigAlternative& alternative,
                                        const std::vector<FrameResult>& sensors,
-                                       const std::vector<FrameResult>& of_still,
+                                       const std::vector<FrameResult>& of_capture,
                                        const Structure& built, const Pose& first_from_placement) {
   nlohmann::ordered_json json = {{"from_above", PlacedFromAbove(sensors, built, &alternative)}};
   nlohmann::ordered_json& frames = json["frames"] = nlohmann::ordered_json::array();
-  const std::vector<int> turns = UprightTurnsOf(of_still);
-  for (std::size_t i = 0; i < of_still.size(); ++i) {
-    const FrameResult& sensor = of_still[i];
+  const std::vector<int> turns = UprightTurnsOf(of_capture);
+  for (std::size_t i = 0; i < of_capture.size(); ++i) {
+    const FrameResult& sensor = of_capture[i];
     const SensorAlternative* other = Find(alternative, sensor.name);
     if (!other || !sensor.structure_from_sensor) continue;
     const Pose pose = first_from_placement.inverse() * other->structure_from_sensor;

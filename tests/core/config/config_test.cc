@@ -573,7 +573,7 @@ std::string Nested(int levels) {
          std::string(static_cast<std::size_t>(levels), ']');
 }
 
-TEST(LoadYaml, CountsWhatAliasesStandFor) {
+TEST(LoadYaml, CountsWhatSymmetriesStandFor) {
   ExpectError<YAML::ParserException>([] { LoadYaml(Laughs("[", "", "]")); }, {"1000000", "alias"});
   ExpectError<YAML::ParserException>([] { LoadYaml(Laughs("{", "k", "}")); }, {"1000000", "alias"});
   EXPECT_EQ(LoadYaml("a: &a [1, 2]\nb: *a")["b"][1].as<int>(), 2);

@@ -363,9 +363,9 @@ TEST(FrameErrors, GrowFromTheMiddleOfThePicture) {
   EXPECT_EQ(sigmas[kTiltColumns], errors.tilt_m);
   EXPECT_EQ(sigmas[kTwist], errors.twist_m);
   EXPECT_EQ(sigmas[kShear], errors.shear_m);
-  EXPECT_EQ(sigmas[kBounced], 0);
+  EXPECT_EQ(sigmas[kDiffuseMultipath], 0);
   const DepthErrorModel tof = ErrorsOf("azure_kinect_nfov_binned");
-  EXPECT_NEAR(FrameErrorSigmas(tof)[kBounced], 2 / std::sqrt(3) * tof.bounce_m, 1e-12);
+  EXPECT_NEAR(FrameErrorSigmas(tof)[kDiffuseMultipath], 2 / std::sqrt(3) * tof.bounce_m, 1e-12);
 }
 
 // Two pictures of a texture without direction on a slanted plane, of which the right one is a row
@@ -399,12 +399,12 @@ TEST(FrameErrors, ShearIsTheShiftThatMatchesRowsThatDoNotMeet) {
   }
 }
 
-TEST(BouncedShare, IsMostAtItsReachAndGrowsWithTheSlant) {
+TEST(DiffuseMultipathShare, IsMostAtItsReachAndGrowsWithTheSlant) {
   const Structure structure = ReadStructure("configs/structure.yaml");
   const Side& front = SideNamed(structure, "bottom/front");
   const double floor = structure.FloorHeight();
   const auto share = [&](double height, const Eigen::Vector3d& eye) {
-    return BouncedShare(structure, front, {0.275, floor + height, 0}, eye, 0.2);
+    return DiffuseMultipathShare(structure, front, {0.275, floor + height, 0}, eye, 0.2);
   };
   // From afar at 45 deg, where floor and side are lit and seen alike, and cosines cancel out.
   const Eigen::Vector3d afar = 1e6 * Eigen::Vector3d(1, 1, 0);
@@ -421,26 +421,29 @@ TEST(BouncedShare, IsMostAtItsReachAndGrowsWithTheSlant) {
   EXPECT_NEAR(share(0.2, {0.275, 1000, 0}), 1 / kGrazing, 1e-2);
 }
 
-TEST(BouncedShare, AddsWhatTheFloorAndBoxesThrow) {
+TEST(DiffuseMultipathShare, AddsWhatTheFloorAndBoxesThrow) {
   const Structure structure = ReadStructure("configs/structure.yaml");
   // Before the front of the second box the first one rises, and is lit from above alone; the floor
   // is 40 cm below it.
   const Side& front = SideNamed(structure, "mid_bottom/front");
   const Eigen::Vector3d q(0.05, -0.405 + 0.15, 0), eye(1000, 1000, 0);
   const double floor = 0.555 / 0.2 * std::exp(1 - 0.555 / 0.2);
-  EXPECT_NEAR(BouncedShare(structure, front, q, eye, 0.2), 1 + floor, 1e-3);
+  EXPECT_NEAR(DiffuseMultipathShare(structure, front, q, eye, 0.2), 1 + floor, 1e-3);
   // The floor has light of the box that stands on it, and a top none where nothing rises.
-  EXPECT_NEAR(BouncedShare(structure, FloorOf(structure), {0.275 + 0.15, -0.81, 0}, eye, 0.2), 1,
-              0.05);
-  EXPECT_EQ(BouncedShare(structure, SideNamed(structure, "top/up"), {0.05, 0.81, 0}, eye, 0.2), 0);
+  EXPECT_NEAR(
+      DiffuseMultipathShare(structure, FloorOf(structure), {0.275 + 0.15, -0.81, 0}, eye, 0.2), 1,
+      0.05);
+  EXPECT_EQ(
+      DiffuseMultipathShare(structure, SideNamed(structure, "top/up"), {0.05, 0.81, 0}, eye, 0.2),
+      0);
   // A top before a box has more than the floor has there.
   const Side top = SideNamed(structure, "bottom/up");
   Side floor_there = top;
   floor_there.box = -1;
   const Eigen::Vector3d before(0.05 + 0.15, -0.405, 0);
-  const double share = BouncedShare(structure, floor_there, before, eye, 0.2);
+  const double share = DiffuseMultipathShare(structure, floor_there, before, eye, 0.2);
   EXPECT_NEAR(share, 1, 0.01);
-  EXPECT_NEAR(BouncedShare(structure, top, before, eye, 0.2), 1.3 * share, 1e-9);
+  EXPECT_NEAR(DiffuseMultipathShare(structure, top, before, eye, 0.2), 1.3 * share, 1e-9);
 }
 
 std::vector<Eigen::Vector3d> RandomPoints(std::uint64_t seed, int count) {

@@ -1,4 +1,4 @@
-// Several stills of the same sensors, the stack standing in another place in each.
+// Several captures of the same sensors, the stack standing in another place in each.
 
 #include <gtest/gtest.h>
 
@@ -30,9 +30,9 @@ struct Studio {
   std::vector<Pose> sensors;     // in the structure where it stands first
   std::vector<Pose> placements;  // first_from_placement
   std::uint64_t seed = 0;
-  double error = 0.003;  // m, of smooth depth errors, drawn anew in each still
-  /// Whether a sensor's picture shows the stack in a still.
-  std::function<bool(std::size_t sensor, std::size_t still)> sees = [](std::size_t, std::size_t) {
+  double error = 0.003;  // m, of smooth depth errors, drawn anew in each capture
+  /// Whether a sensor's picture shows the stack in a capture.
+  std::function<bool(std::size_t sensor, std::size_t capture)> sees = [](std::size_t, std::size_t) {
     return true;
   };
 
@@ -60,16 +60,16 @@ Studio FiveSensors() {
   return studio;
 }
 
-CalibrationResult CalibrateStills(const std::vector<Rig>& rigs,
-                                  const CalibrateOptions& options = {}) {
+CalibrationResult CalibrateCaptures(const std::vector<Rig>& rigs,
+                                    const CalibrateOptions& options = {}) {
   StoredSegmenter segmenter;
-  std::vector<Still> stills;
+  std::vector<Capture> captures;
   for (const Rig& rig : rigs) {
     for (std::size_t i = 0; i < rig.frames.size(); ++i)
       segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
-    stills.push_back({"still " + std::to_string(stills.size()), rig.frames});
+    captures.push_back({"capture " + std::to_string(captures.size()), rig.frames});
   }
-  return Calibrate(stills, rigs.front().structure, segmenter, options);
+  return Calibrate(captures, rigs.front().structure, segmenter, options);
 }
 
 double MeanError(const CalibrationResult& result) {
@@ -81,40 +81,40 @@ double MeanError(const CalibrationResult& result) {
   return sum / static_cast<double>(result.sensors.size());
 }
 
-TEST(CalibrateStills, SeveralPlacementsAreOneProblem) {
+TEST(CalibrateCaptures, SeveralPlacementsAreOneProblem) {
   Studio studio = FiveSensors();
   studio.seed = 1000;
   const std::vector<Rig> rigs = studio.Rigs();
-  const CalibrationResult one = CalibrateStills({rigs[0]}), all = CalibrateStills(rigs);
-  EXPECT_TRUE(one.stills.empty());
-  ASSERT_EQ(all.stills.size(), 3u);
+  const CalibrationResult one = CalibrateCaptures({rigs[0]}), all = CalibrateCaptures(rigs);
+  EXPECT_TRUE(one.captures.empty());
+  ASSERT_EQ(all.captures.size(), 3u);
   ASSERT_EQ(all.sensors.size(), 5u);
-  EXPECT_LT(MeanError(all), 0.75 * MeanError(one)) << "errors are drawn anew in each still";
+  EXPECT_LT(MeanError(all), 0.75 * MeanError(one)) << "errors are drawn anew in each capture";
   for (std::size_t s = 0; s < 3; ++s) {
-    EXPECT_TRUE(Within(ComparePoses(all.stills[s].first_from_placement, studio.placements[s]),
+    EXPECT_TRUE(Within(ComparePoses(all.captures[s].first_from_placement, studio.placements[s]),
                        s == 0 ? 1e-12 : 0.003, s == 0 ? 1e-9 : 0.1))
         << s;
-    for (const FrameResult& frame : all.stills[s].sensors) {
+    for (const FrameResult& frame : all.captures[s].sensors) {
       ASSERT_TRUE(frame.structure_from_sensor);
-      const Pose in_first = all.stills[s].first_from_placement * *frame.structure_from_sensor;
+      const Pose in_first = all.captures[s].first_from_placement * *frame.structure_from_sensor;
       for (const FrameResult& sensor : all.sensors) {
         if (sensor.name != frame.name) continue;
         EXPECT_LT(ComparePoses(in_first, *sensor.structure_from_sensor).translation_m, 0.0005)
-            << frame.name << " stands in one place in all stills";
+            << frame.name << " stands in one place in all captures";
       }
     }
   }
 }
 
-TEST(CalibrateStills, ASensorIsPlacedThroughAnotherStill) {
-  // S0 sees the stack in the second still alone, S1 in no still that another sensor joins to the
-  // first.
+TEST(CalibrateCaptures, ASensorIsPlacedThroughAnotherCapture) {
+  // S0 sees the stack in the second capture alone, S1 in no capture that another sensor joins to
+  // the first.
   Studio studio = FiveSensors();
-  studio.sees = [](std::size_t sensor, std::size_t still) {
-    if (sensor == 0) return still == 1;
-    return (sensor == 1) == (still == 2);
+  studio.sees = [](std::size_t sensor, std::size_t capture) {
+    if (sensor == 0) return capture == 1;
+    return (sensor == 1) == (capture == 2);
   };
-  const CalibrationResult result = CalibrateStills(studio.Rigs());
+  const CalibrationResult result = CalibrateCaptures(studio.Rigs());
   const FrameResult &through = result.sensors[0], &apart = result.sensors[1];
   EXPECT_EQ(through.status, SensorStatus::kOk) << through.reason;
   EXPECT_LT(through.error->translation_m, 0.006);
@@ -124,16 +124,16 @@ TEST(CalibrateStills, ASensorIsPlacedThroughAnotherStill) {
     EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << result.sensors[i].reason;
 }
 
-TEST(CalibrateStills, ASensorThatWasMovedBetweenStillsIsNamed) {
+TEST(CalibrateCaptures, ASensorThatWasMovedBetweenCapturesIsNamed) {
   Studio studio = FiveSensors();
   std::vector<Rig> rigs = studio.Rigs();
-  // S2 stands elsewhere in the last still: by three and by ten centimetres, by half a metre.
+  // S2 stands elsewhere in the last capture: by three and by ten centimetres, by half a metre.
   std::vector<double> moves = {0.03, 0.1, 0.5};
   moves.resize(Rounds(1, moves.size()));
   for (const double moved : moves) {
     studio.sensors[2] = RingPose(20.0 + 72 * 2, 2.2 + moved, 0.4);
     rigs[2] = studio.Rigs()[2];
-    const CalibrationResult result = CalibrateStills(rigs);
+    const CalibrationResult result = CalibrateCaptures(rigs);
     for (std::size_t i = 0; i < 5; ++i) {
       const FrameResult& sensor = result.sensors[i];
       EXPECT_EQ(sensor.status, i == 2 ? SensorStatus::kWeak : SensorStatus::kOk)
@@ -146,12 +146,12 @@ TEST(CalibrateStills, ASensorThatWasMovedBetweenStillsIsNamed) {
   }
 }
 
-TEST(CalibrateStills, RefusesStillsThatAreNoneOfTheSameSensors) {
+TEST(CalibrateCaptures, RefusesCapturesThatAreNoneOfTheSameSensors) {
   const std::vector<Rig> rigs = FiveSensors().Rigs();
-  EXPECT_THROW(CalibrateStills({rigs[0], rigs[0]}), DataError) << "the same depth maps";
+  EXPECT_THROW(CalibrateCaptures({rigs[0], rigs[0]}), DataError) << "the same depth maps";
   std::vector<Rig> other = rigs;
   other[1].frames[3].intrinsics.fx += 1;
-  EXPECT_THROW(CalibrateStills(other), DataError);
+  EXPECT_THROW(CalibrateCaptures(other), DataError);
 }
 
 }  // namespace

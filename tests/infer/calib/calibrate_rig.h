@@ -20,7 +20,7 @@ inline CalibrationResult CalibrateRig(const Rig& rig, const CalibrateOptions& op
 inline CalibrationResult CalibrateByShape(const std::vector<SensorFrame>& frames,
                                           const Structure& structure,
                                           const CalibrateOptions& options = {}) {
-  return Calibrate(std::vector<Still>{{"", frames}}, structure, nullptr, options);
+  return Calibrate(std::vector<Capture>{{"", frames}}, structure, nullptr, options);
 }
 
 }  // namespace volalign::testing_infer

@@ -147,7 +147,7 @@ TEST(Neighbours, WithoutOverlapEverySensorIsOnItsOwn) {
 
 /// Labels that a network gives that takes the structure for one that stands upside down.
 LabelImage UpsideDownLabels(const Rig& rig, std::size_t i) {
-  const Pose motion = FindAliases(rig.structure).front().motion;
+  const Pose motion = FindSymmetries(rig.structure).front().motion;
   LabelImage labels = CastView(rig.structure, ComputeRays(rig.frames[i].intrinsics),
                                motion * *rig.frames[i].ground_truth)
                           .labels;

@@ -23,28 +23,28 @@ SensorFrame Frame(const std::string& name, float depth) {
   return frame;
 }
 
-/// Two sensors in two stills, as a calibration may have them.
+/// Two sensors in two captures, as a calibration may have them.
 struct Request {
-  std::vector<Still> stills{{"first", {Frame("A", 1), Frame("B", 2)}},
-                            {"second", {Frame("A", 3), Frame("B", 4)}}};
+  std::vector<Capture> captures{{"first", {Frame("A", 1), Frame("B", 2)}},
+                                {"second", {Frame("A", 3), Frame("B", 4)}}};
   CalibrateOptions options;
   bool model = true;
 
-  void Measure(std::size_t still, std::size_t sensor, float depth) {
-    stills[still].frames[sensor].depth = DepthImage(4, 3, depth);
+  void Measure(std::size_t capture, std::size_t sensor, float depth) {
+    captures[capture].frames[sensor].depth = DepthImage(4, 3, depth);
   }
-  SensorFrame& OfSecond(std::size_t sensor) { return stills[1].frames[sensor]; }
-  void Check() const { CheckRequest(stills, Structure(), options, model); }
+  SensorFrame& OfSecond(std::size_t sensor) { return captures[1].frames[sensor]; }
+  void Check() const { CheckRequest(captures, Structure(), options, model); }
 };
 
 TEST(CheckRequest, LetsThroughWhatCanBeCalibrated) {
   const std::vector<std::function<void(Request*)>> changes = {
       [](Request*) {},
-      [](Request* request) { request->stills.pop_back(); },
-      // A sensor may be absent from a still, and each may see nothing at all there.
-      [](Request* request) { request->stills[1].frames.pop_back(); },
+      [](Request* request) { request->captures.pop_back(); },
+      // A sensor may be absent from a capture, and each may see nothing at all there.
+      [](Request* request) { request->captures[1].frames.pop_back(); },
       [](Request* request) {
-        for (const std::size_t still : {0, 1}) request->Measure(still, 0, 0);
+        for (const std::size_t capture : {0, 1}) request->Measure(capture, 0, 0);
       },
       // The same depth map of two sensors is found later, sensor by sensor.
       [](Request* request) { request->Measure(0, 1, 1); },
@@ -67,8 +67,8 @@ TEST(CheckRequest, NamesWhatIsWrongWithTheFrames) {
     std::vector<std::string> words;
   };
   const std::vector<Case> cases = {
-      {[](Request* request) { request->stills.clear(); }, {"no capture"}},
-      {[](Request* request) { request->stills[1].name = "first"; }, {"captures", "\"first\""}},
+      {[](Request* request) { request->captures.clear(); }, {"no capture"}},
+      {[](Request* request) { request->captures[1].name = "first"; }, {"captures", "\"first\""}},
       {[](Request* request) { request->OfSecond(1).name = "A"; }, {"sensors", "\"A\""}},
       {[](Request* request) { request->OfSecond(1).intrinsics.fx = 6; },
        {"\"B\"", "intrinsics", "first", "second"}},
@@ -88,9 +88,9 @@ TEST(CheckRequest, NamesWhatIsWrongWithTheFrames) {
 // enough to be another frame.
 TEST(CheckRequest, ComparesEveryPixel) {
   Request request;
-  for (const std::size_t still : {0, 1}) {
-    request.Measure(still, 0, 0);
-    request.stills[still].frames[0].depth(2, 1) = 1.5f;
+  for (const std::size_t capture : {0, 1}) {
+    request.Measure(capture, 0, 0);
+    request.captures[capture].frames[0].depth(2, 1) = 1.5f;
   }
   ExpectError<DataError>([&] { request.Check(); });
   request.OfSecond(0).depth(3, 2) = 1;
@@ -99,8 +99,8 @@ TEST(CheckRequest, ComparesEveryPixel) {
 
 TEST(CheckRequest, ComparesEveryTwoCaptures) {
   Request request;
-  request.stills.push_back(request.stills[1]);
-  request.stills[2].name = "third";
+  request.captures.push_back(request.captures[1]);
+  request.captures[2].name = "third";
   ExpectError<DataError>([&] { request.Check(); }, {"in third as in second"});
 }
 

@@ -141,7 +141,7 @@ TEST(Hypotheses, FilesAreExchangedOnlyWhereIntrinsicsDiffer) {
     }
     TryHypotheses(
         {{"", frames}}, Four().structure, CalibrateOptions(),
-        [&](const std::vector<Still>&) { return better; }, &given);
+        [&](const std::vector<Capture>&) { return better; }, &given);
     EXPECT_EQ(Find(given, RigCode::kFilesExchanged) != nullptr, px > 3) << px;
   }
 }

@@ -95,7 +95,7 @@ TEST(NextStarts, AreHalfWayForFramesThatTurnBack) {
   const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
   ASSERT_EQ(starts.size(), 3u);
   for (const FrameId id : {on, fresh})
-    EXPECT_EQ(starts.at(id).matrix(), poses.at(id).matrix()) << id.still << " " << id.frame;
+    EXPECT_EQ(starts.at(id).matrix(), poses.at(id).matrix()) << id.capture << " " << id.frame;
   const Pose& middle = starts.at(back);
   for (const Pose& end : {frames.at(back).start, poses.at(back)}) {
     const PoseError apart = ComparePoses(middle, end);
@@ -104,7 +104,7 @@ TEST(NextStarts, AreHalfWayForFramesThatTurnBack) {
   }
 }
 
-// Results of single stills, made by hand, and what they say together.
+// Results of single captures, made by hand, and what they say together.
 
 Pose At(double x) {
   Pose pose = Pose::Identity();
@@ -112,32 +112,32 @@ Pose At(double x) {
   return pose;
 }
 
-/// Stills of one sensor, one after the other.
+/// Captures of one sensor, one after the other.
 struct OneSensor {
-  std::vector<Still> stills;
-  std::vector<StillResult> results;
+  std::vector<Capture> captures;
+  std::vector<CaptureResult> results;
   SomeFrames<FrameSolution> frames;
 
   void Add(FrameResult sensor) {
     SensorFrame frame;
     sensor.name = frame.name = "S";
-    stills.push_back({"still " + std::to_string(stills.size()), {frame}});
-    StillResult result;
+    captures.push_back({"capture " + std::to_string(captures.size()), {frame}});
+    CaptureResult result;
     result.first_from_placement = At(0.1 * static_cast<double>(results.size()));
     result.sensors.push_back(std::move(sensor));
     results.push_back(std::move(result));
   }
-  /// With its pose in the structure of the first still.
+  /// With its pose in the structure of the first capture.
   void AddPlaced(FrameResult sensor, const Pose& first_from_sensor) {
-    RefinedFrame& refined = frames[{stills.size(), 0}].refined;
+    RefinedFrame& refined = frames[{captures.size(), 0}].refined;
     refined.solved = true;
     refined.first_from_sensor = first_from_sensor;
     sensor.structure_from_sensor = first_from_sensor;
     Add(std::move(sensor));
   }
   FrameResult Combined() const {
-    const CalibrationResult result = CombineStills(CaptureSet(stills, {}), results, frames);
-    EXPECT_EQ(result.stills.size(), stills.size());
+    const CalibrationResult result = CombineCaptures(CaptureSet(captures, {}), results, frames);
+    EXPECT_EQ(result.captures.size(), captures.size());
     EXPECT_EQ(result.sensors.size(), 1u);
     return result.sensors.front();
   }
@@ -151,7 +151,7 @@ FrameResult Result(SensorStatus status, SensorCode code) {
   return result;
 }
 
-TEST(CombineStills, FiguresAreWeighedByPoints) {
+TEST(CombineCaptures, FiguresAreWeighedByPoints) {
   FrameResult weak = Result(SensorStatus::kWeak, SensorCode::kFewInliers);
   weak.points = 100;
   weak.inlier_share = 0.5;
@@ -176,10 +176,10 @@ TEST(CombineStills, FiguresAreWeighedByPoints) {
   EXPECT_NEAR(sensor.inlier_share, 0.8, 1e-12);
   EXPECT_NEAR(sensor.rms_to_structure_m, 0.001 * std::sqrt((9 + 3 * 25) / 4.0), 1e-12);
   EXPECT_EQ(sensor.sides, (std::vector<std::string>{"bottom/back", "bottom/front"}));
-  EXPECT_EQ(sensor.depth_offset_m, 0.002) << "of the still in which it is ok";
+  EXPECT_EQ(sensor.depth_offset_m, 0.002) << "of the capture in which it is ok";
 }
 
-TEST(CombineStills, ASensorStandsWhereMostStillsHaveIt) {
+TEST(CombineCaptures, ASensorStandsWhereMostCapturesHaveIt) {
   const FrameResult ok = Result(SensorStatus::kOk, SensorCode::kNone);
   OneSensor made;
   made.AddPlaced(ok, At(2.2));
@@ -191,7 +191,7 @@ TEST(CombineStills, ASensorStandsWhereMostStillsHaveIt) {
       << "the one that agrees with the others";
 }
 
-TEST(CombineStills, WhatIsWrongWithTheSensorShowsInOneStill) {
+TEST(CombineCaptures, WhatIsWrongWithTheSensorShowsInOneCapture) {
   OneSensor made;
   made.AddPlaced(Result(SensorStatus::kOk, SensorCode::kNone), At(2));
   made.AddPlaced(Result(SensorStatus::kWeak, SensorCode::kLabelsDisagree), At(2));
@@ -203,7 +203,7 @@ TEST(CombineStills, WhatIsWrongWithTheSensorShowsInOneStill) {
   EXPECT_EQ(sensor.reason, ToString(SensorCode::kIntrinsicsSuspect));
 }
 
-TEST(CombineStills, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
+TEST(CombineCaptures, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
   OneSensor made;
   made.Add(Result(SensorStatus::kFailed, SensorCode::kNoStructure));
   made.Add(Result(SensorStatus::kFailed, SensorCode::kUnconnected));
@@ -213,7 +213,7 @@ TEST(CombineStills, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
   EXPECT_EQ(sensor.code, SensorCode::kUnconnected);
 }
 
-TEST(CombineStills, PairsAreOfTheStillWithMostOverlapAndInTheStructureOfTheFirst) {
+TEST(CombineCaptures, PairsAreOfTheCaptureWithMostOverlapAndInTheStructureOfTheFirst) {
   OneSensor two;
   two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
   two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
@@ -222,7 +222,7 @@ TEST(CombineStills, PairsAreOfTheStillWithMostOverlapAndInTheStructureOfTheFirst
   covariance.diagonal() << 1, 2, 3, 4, 5, 6;
   two.results[0].pairs = {{"T", "S", 0.2}};
   two.results[1].pairs = {{"S", "T", 0.5, 0.001, 0.002, covariance, 0.1, 2}};
-  const CalibrationResult result = CombineStills(CaptureSet(two.stills, {}), two.results, {});
+  const CalibrationResult result = CombineCaptures(CaptureSet(two.captures, {}), two.results, {});
   ASSERT_EQ(result.pairs.size(), 1u);
   covariance.diagonal() << 3, 2, 1, 6, 5, 4;
   EXPECT_TRUE(result.pairs[0].covariance.isApprox(covariance, 1e-9));
@@ -230,29 +230,29 @@ TEST(CombineStills, PairsAreOfTheStillWithMostOverlapAndInTheStructureOfTheFirst
   EXPECT_EQ(result.pairs[0].predicted_rms_m, 0.002);
 }
 
-// S is absent from the first still; T is in both, and its truths say where the structure stood in
+// S is absent from the first capture; T is in both, and its truths say where the structure stood in
 // the second.
-TEST(CombineStills, ComparesASensorThatIsAbsentFromTheFirstStillWithItsTruth) {
+TEST(CombineCaptures, ComparesASensorThatIsAbsentFromTheFirstCaptureWithItsTruth) {
   const auto frame = [](const std::string& name, double x) {
     SensorFrame sensor;
     sensor.name = name;
     sensor.ground_truth = At(x);
     return sensor;
   };
-  const std::vector<Still> stills = {{"first", {frame("T", 1)}},
-                                     {"second", {frame("T", 0.25), frame("S", 2)}}};
-  const CaptureSet capture(stills, {});
-  std::vector<StillResult> results(2);
+  const std::vector<Capture> captures = {{"first", {frame("T", 1)}},
+                                         {"second", {frame("T", 0.25), frame("S", 2)}}};
+  const CaptureSet input(captures, {});
+  std::vector<CaptureResult> results(2);
   SomeFrames<FrameSolution> frames;
-  for (const FrameId id : capture.sensor_of.Ids()) {
+  for (const FrameId id : input.sensor_of.Ids()) {
     FrameResult sensor = Result(SensorStatus::kOk, SensorCode::kNone);
-    sensor.name = capture[id].name;
+    sensor.name = input[id].name;
     sensor.structure_from_sensor = At(0);
     frames[id].refined.first_from_sensor = At(sensor.name == "S" ? 2.85 : 1);
-    results[id.still].sensors.push_back(sensor);
+    results[id.capture].sensors.push_back(sensor);
   }
   results[1].first_from_placement = At(0.75);
-  const CalibrationResult result = CombineStills(capture, results, frames);
+  const CalibrationResult result = CombineCaptures(input, results, frames);
   for (const FrameResult& sensor : result.sensors) {
     ASSERT_TRUE(sensor.error) << sensor.name;
     EXPECT_NEAR(sensor.error->translation_m, sensor.name == "S" ? 0.1 : 0, 1e-9) << sensor.name;

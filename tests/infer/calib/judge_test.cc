@@ -266,7 +266,7 @@ TEST_F(LookAgain, ALocatedFrameKeepsItsLabels) {
 TEST(LabelAgain, WhatIsLabelledAnewSuitsThePosesThatStay) {
   Rig rig{PaperStructure(), {}, {}};
   for (int i = 0; i < 2; ++i) rig.Add(RingPose(40 + 60 * i), {false, 0});
-  const Pose over = FindAliases(rig.structure).front().motion;
+  const Pose over = FindSymmetries(rig.structure).front().motion;
   const CaptureSet capture({{"", rig.frames}}, rig.structure);
   Seen seen = SeenWithLabels(capture, rig.labels);
   Labelled& first = seen.labelled[{0, 0}];

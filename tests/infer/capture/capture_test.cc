@@ -81,13 +81,13 @@ TEST_F(CaptureTest, ReadsPriorsOfPoses) {
 }
 
 TEST_F(CaptureTest, ReadsEveryField) {
-  const Capture capture = ReadCapture(Write(std::string(R"({
+  const CaptureFile capture = ReadCapture(Write(std::string(R"({
     "format": "volalign.capture/1", "depth_scale": 0.001, "structure": "s.glb",
     "sensors": [
       {"name": "A", "depth": "a.pgm", "quarter_turns": 3, "serial": "0001", "renderer": "tiles", "sensor": "a kind of its own", )") +
-                                            kIntrinsics + R"(},
+                                                kIntrinsics + R"(},
       {"name": "B", "depth": "b.png", "depth_scale": 0.0001, "quarter_turns": "auto", )" +
-                                            kIntrinsics + R"(}],
+                                                kIntrinsics + R"(}],
     "ground_truth": {"B": [[0,0,1,1],[1,0,0,2],[0,1,0,3],[0,0,0,1]]} })"));
   ASSERT_EQ(capture.sensors.size(), 2u);
   EXPECT_EQ(*capture.structure, folder_ / "s.glb");
@@ -234,11 +234,12 @@ std::string UncalibratedBag() {
 TEST_F(CaptureTest, OverridesWhatARecordingSays) {
   folder_.Write("a.bag", UncalibratedBag());
   const std::string depth = "\"depth\": \"a.bag\"";
-  const Capture capture = ReadCapture(WriteSensor(depth + ", " + kIntrinsics));
+  const CaptureFile capture = ReadCapture(WriteSensor(depth + ", " + kIntrinsics));
   EXPECT_EQ(capture.sensors[0].intrinsics.fy, 5.5);
   ExpectBad(WriteSensor(depth), {"sensor \"A\"", "/d/camera_info", "not calibrated", "intrinsics"});
-  const Capture tenths = ReadCapture(Write(R"({"depth_scale": 0.0001, "sensors": [{"name": "A", )" +
-                                           depth + ", " + kIntrinsics + "}]}"));
+  const CaptureFile tenths =
+      ReadCapture(Write(R"({"depth_scale": 0.0001, "sensors": [{"name": "A", )" + depth + ", " +
+                        kIntrinsics + "}]}"));
   EXPECT_FLOAT_EQ(tenths.sensors[0].depth(0, 0), 0.0257f);
 }
 
@@ -304,7 +305,8 @@ TEST_F(CaptureDraftTest, SaysWhichLensIsAssumedAndWhy) {
   CaptureDraftOptions options;
   options.depth_scale = 0.001;
   Draft(options);
-  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is unknown and will be estimated", "no kind of sensor"));
+  EXPECT_TRUE(Mentions(draft_.found, "A, D: the lens is unknown and will be estimated",
+                       "no kind of sensor"));
   EXPECT_TRUE(Mentions(draft_.found, "B: taken as rectified", "all zeros"));
   EXPECT_TRUE(Mentions(draft_.found, "C: the lens is that of the distortion", ""));
   options.sensor = "azure_kinect_wfov_binned";
@@ -362,7 +364,7 @@ TEST_F(CaptureDraftTest, RecordingsStateAll) {
   EXPECT_EQ(sensors[1]["intrinsics"]["distortion"].size(), 8u);
   // What it writes can be read.
   WriteText("capture.json", draft_.json);
-  const Capture capture = ReadCapture(folder_ / "capture.json");
+  const CaptureFile capture = ReadCapture(folder_ / "capture.json");
   EXPECT_EQ(capture.sensors.size(), 2u);
   EXPECT_EQ(capture.sensors[1].depth_scale, 0.001);
 }
@@ -400,7 +402,7 @@ TEST_F(CaptureDraftTest, TypicalIntrinsicsAreAskedForAndMarked) {
   EXPECT_EQ(sensors[1]["typical_intrinsics"], true);
   EXPECT_TRUE(Mentions(draft_.found, "typical: ", "its pose will be weak"));
   WriteText("capture.json", draft_.json);
-  const Capture capture = ReadCapture(folder_ / "capture.json");
+  const CaptureFile capture = ReadCapture(folder_ / "capture.json");
   EXPECT_FALSE(capture.sensors[0].typical_intrinsics);
   EXPECT_TRUE(capture.sensors[1].typical_intrinsics);
   options.sensor = "kinect_v2";

@@ -42,20 +42,21 @@ struct Room {
   void TurnAboutTheVertical(std::size_t i) {
     poses[i] = Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()) * poses[i];
   }
-  std::vector<std::optional<SeenThrough>> Find(double refuting_odds = kRefuting) const {
+  std::vector<std::optional<FreeSpaceViolation>> Find(double refuting_odds = kRefuting) const {
     std::vector<const SensorView*> all;
     for (const SensorView& view : views) all.push_back(&view);
-    return FindSeenThrough(all, poses, Structure::FromBoxes("carton", Carton()), refuting_odds, 1);
+    return FindFreeSpaceViolations(all, poses, Structure::FromBoxes("carton", Carton()),
+                                   refuting_odds, 1);
   }
 };
 
-TEST(FindSeenThrough, NothingOfSensorsThatStandWhereTheyDo) {
+TEST(FindFreeSpaceViolations, NothingOfSensorsThatStandWhereTheyDo) {
   for (const int sensors : {1, 2, 5}) {
     for (const auto& found : Room(sensors).Find()) EXPECT_FALSE(found.has_value()) << sensors;
   }
 }
 
-TEST(FindSeenThrough, OfTwoEitherMayBeTheWrongOne) {
+TEST(FindFreeSpaceViolations, OfTwoEitherMayBeTheWrongOne) {
   Room room(2);
   room.TurnAboutTheVertical(1);
   const auto found = room.Find(kDoubtful);
@@ -71,7 +72,7 @@ TEST(FindSeenThrough, OfTwoEitherMayBeTheWrongOne) {
   EXPECT_FALSE(room.Find(kDoubtful)[0].has_value());
 }
 
-TEST(FindSeenThrough, OfSeveralTheWrongOneAlone) {
+TEST(FindFreeSpaceViolations, OfSeveralTheWrongOneAlone) {
   Room room(5);
   room.TurnAboutTheVertical(3);
   const auto found = room.Find();
@@ -79,7 +80,7 @@ TEST(FindSeenThrough, OfSeveralTheWrongOneAlone) {
 }
 
 // The third sees nothing but the carton.
-TEST(FindSeenThrough, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
+TEST(FindFreeSpaceViolations, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
   Room room(2);
   room.TurnAboutTheVertical(1);
   room.views.push_back(room.views[0]);
@@ -94,12 +95,12 @@ TEST(FindSeenThrough, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
   for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(found[i].has_value(), i < 2) << i;
 }
 
-TEST(FindSeenThrough, ASensorWithoutAPoseTakesNoPart) {
+TEST(FindFreeSpaceViolations, ASensorWithoutAPoseTakesNoPart) {
   Room room(3);
   room.TurnAboutTheVertical(2);
   const Structure structure = Structure::FromBoxes("carton", Carton());
-  const auto found = FindSeenThrough({&room.views[0], &room.views[1], nullptr}, room.poses,
-                                     structure, kRefuting, 1);
+  const auto found = FindFreeSpaceViolations({&room.views[0], &room.views[1], nullptr}, room.poses,
+                                             structure, kRefuting, 1);
   for (const auto& each : found) EXPECT_FALSE(each.has_value());
 }
 

@@ -29,7 +29,7 @@ struct Located {
         seen(testing_infer::SeenWithLabels(capture, rig.labels)) {}
   LocateOptions locate() const { return {options.initial, options.refine, options.verdict, 1}; }
   std::vector<LocateResult> Alone(const std::optional<AssemblyReport>& assembly = {}) const {
-    return LocateAlone(seen, {assembly}, locate()).OfStill(0);
+    return LocateAlone(seen, {assembly}, locate()).OfCapture(0);
   }
 };
 

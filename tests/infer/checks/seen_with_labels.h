@@ -9,23 +9,23 @@
 
 namespace volalign::testing_infer {
 
-/// The only still of a capture, which has to outlive the result, with true labels and the initial
+/// The only capture of a capture, which has to outlive the result, with true labels and the initial
 /// poses that follow from them, through the lenses as given.
-inline Seen SeenWithLabels(const CaptureSet& capture, const std::vector<LabelImage>& labels) {
+inline Seen SeenWithLabels(const CaptureSet& input, const std::vector<LabelImage>& labels) {
   const CalibrateOptions options;
   Seen seen;
-  seen.capture = &capture;
-  seen.lenses = GivenLenses(capture);
-  seen.views = LookThrough(capture, seen.lenses, 1);
+  seen.input = &input;
+  seen.lenses = GivenLenses(input);
+  seen.views = LookThrough(input, seen.lenses, 1);
   seen.clouds = MapFrames(seen.views, 1, [&](FrameId id) { return SampleCloud(seen.views[id]); });
   seen.depths =
-      PerFrame<DepthFinding>({CheckDepths(capture.stills[0].frames, seen.views.OfStill(0))});
+      PerFrame<DepthFinding>({CheckDepths(input.captures[0].frames, seen.views.OfCapture(0))});
   seen.labelled = MapFrames(seen.views, 1, [&](FrameId id) {
     Labelled of;
     of.segmentation = Certain(labels[id.frame]);
     of.quarter_turns = 1;
     of.initial =
-        EstimateInitialPose(seen.views[id], of.segmentation, capture.structure, options.initial);
+        EstimateInitialPose(seen.views[id], of.segmentation, input.structure, options.initial);
     return of;
   });
   return seen;

@@ -50,7 +50,7 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        "its pairs with S4, S1 show: they would move it by 17.4 mm and 0.61 deg"},
       {SensorCode::kAmbiguous,
        [](VerdictFacts* e) {
-         e->free_space_violation = SeenThrough{1, "S2", 0.12, -std::log(500.0)};
+         e->free_space_violation = FreeSpaceViolation{1, "S2", 0.12, -std::log(500.0)};
        },
        "it and S2 cannot both be right: one of the two looks through 12 %"},
       {SensorCode::kAmbiguous, [](VerdictFacts* e) { e->other_pose = "upside down"; },

@@ -30,7 +30,7 @@ using namespace testing_infer;
 using testing_infer::Rig;
 
 struct Ring {
-  EvaluationStill still;
+  EvaluationCapture capture;
   Rig rig;
 };
 
@@ -39,13 +39,13 @@ Ring MakeRing(const std::vector<Pose>& offsets = {}, int sensors = 3) {
   const Structure nominal = PaperStructure();
   Ring ring{{}, {offsets.empty() ? nominal : nominal.Displaced(offsets), {}, {}}};
   for (int i = 0; i < sensors; ++i) ring.rig.Add(RingPose(120.0 * i + 20, 2.0, 0.3 + 0.05 * i));
-  ring.still.structure = nominal;
-  ring.still.frames = ring.rig.frames;
-  ring.still.labels = ring.rig.labels;
+  ring.capture.structure = nominal;
+  ring.capture.frames = ring.rig.frames;
+  ring.capture.labels = ring.rig.labels;
   return ring;
 }
 
-/// Adds a still of the same sensors while the structure stands elsewhere, and its labels to the
+/// Adds a capture of the same sensors while the structure stands elsewhere, and its labels to the
 /// segmenter.
 void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSegmenter* segmenter) {
   Rig there{ring->rig.structure, {}, {}};
@@ -53,7 +53,7 @@ void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSegmenter*
     there.Add(frame.name, first_from_placement.inverse() * *frame.ground_truth);
     segmenter->Store(there.frames.back().depth, Certain(there.labels.back()));
   }
-  ring->still.further.push_back({there.frames, there.labels});
+  ring->capture.further.push_back({there.frames, there.labels});
 }
 
 std::vector<EvaluationVariant> TwoVariants() {
@@ -82,7 +82,7 @@ class EvaluateFiles : public testing::Test {
       item.load = [this, i] {
         if (i == fail_at_) throw IoError("gone");
         ++loaded_;
-        return ring_.still;
+        return ring_.capture;
       };
       items.push_back(item);
     }
@@ -96,7 +96,7 @@ class EvaluateFiles : public testing::Test {
   Ring ring_;
   StoredSegmenter segmenter_;
   std::vector<EvaluationModel> models_{
-      {{"model.safetensors", "abc"}, &segmenter_, &ring_.still.structure}};
+      {{"model.safetensors", "abc"}, &segmenter_, &ring_.capture.structure}};
   EvaluateRun run_;
   std::vector<EvaluationVariant> variants_ = TwoVariants();
   std::vector<std::string> lines_;
@@ -164,7 +164,7 @@ TEST_F(EvaluateFiles, ComparesModels) {
     variant.options.initial.method = PoseMethod::kNetwork;
   Run(Items(2));
   StoredSegmenter blind;
-  models_.push_back({{"runs/blind.pt", "def"}, &blind, &ring_.still.structure});
+  models_.push_back({{"runs/blind.pt", "def"}, &blind, &ring_.capture.structure});
   const std::vector<EvaluatedCase> cases = Run(Items(2));
   ASSERT_EQ(cases.size(), 8u);
   EXPECT_EQ(cases[0].variant, "model, " + variants_[0].name);
@@ -197,48 +197,48 @@ Vector6d Motion(double x, double z, double yaw) {
 
 /// Of the paper's stack, all of whose boxes stand `moved` from where they should.
 RigCapture CaptureOf(const Pose& moved = Pose::Identity()) {
-  RigCapture capture;
-  capture.structure = PaperStructure();
-  capture.box_offsets.assign(capture.structure.boxes().size(), moved);
-  return capture;
+  RigCapture rendered;
+  rendered.structure = PaperStructure();
+  rendered.box_offsets.assign(rendered.structure.boxes().size(), moved);
+  return rendered;
 }
 
 /// Moving every box by one rigid motion moves the sensors by its inverse, as seen from the boxes.
 TEST(Items, TheFrameAsBuiltFollowsTheBoxes) {
   const Pose moved = PerturbLeft(Motion(0.006, -0.004, 0.005), Pose::Identity());
-  const EvaluationStill still = StillOf(CaptureOf(moved));
-  EXPECT_LT((still.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
+  const EvaluationCapture capture = EvaluationCaptureOf(CaptureOf(moved));
+  EXPECT_LT((capture.nominal_from_built.matrix() - moved.inverse().matrix()).norm(), 1e-9);
 }
 
-TEST(Items, StillsOfPlacementsKeepTheFrameOfTheFirst) {
-  std::vector<RigCapture> stills = {
+TEST(Items, CapturesOfPlacementsKeepTheFrameOfTheFirst) {
+  std::vector<RigCapture> captures = {
       CaptureOf(), CaptureOf(PerturbLeft(Motion(0.006, -0.004, 0.005), Pose::Identity()))};
-  for (RigCapture& still : stills) {
-    still.sensors.resize(1);
-    still.sensors[0].labels = LabelImage(2, 2);
+  for (RigCapture& capture : captures) {
+    capture.sensors.resize(1);
+    capture.sensors[0].labels = LabelImage(2, 2);
   }
-  stills[1].sensors[0].structure_from_sensor.translation().x() = 3;
-  stills[1].sensors[0].labels(1, 1) = 4;
-  const EvaluationStill still = StillOf(stills);
-  EXPECT_LT((still.nominal_from_built.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-9);
-  EXPECT_EQ(still.frames.at(0).ground_truth->translation().x(), 0);
-  ASSERT_EQ(still.further.size(), 1u);
-  EXPECT_EQ(still.further[0].frames.at(0).ground_truth->translation().x(), 3);
-  EXPECT_EQ(still.further[0].labels.at(0)(1, 1), 4);
+  captures[1].sensors[0].structure_from_sensor.translation().x() = 3;
+  captures[1].sensors[0].labels(1, 1) = 4;
+  const EvaluationCapture capture = EvaluationCaptureOf(captures);
+  EXPECT_LT((capture.nominal_from_built.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-9);
+  EXPECT_EQ(capture.frames.at(0).ground_truth->translation().x(), 0);
+  ASSERT_EQ(capture.further.size(), 1u);
+  EXPECT_EQ(capture.further[0].frames.at(0).ground_truth->translation().x(), 3);
+  EXPECT_EQ(capture.further[0].labels.at(0)(1, 1), 4);
 }
 
 TEST(Items, SensorsAreCalibratedWithWhatTheCaptureStates) {
-  RigCapture capture = CaptureOf();
+  RigCapture rendered = CaptureOf();
   CapturedSensor sensor;
   sensor.sensor = "azure_kinect_nfov_binned";
   sensor.stated_intrinsics = Kinect();
   sensor.intrinsics = Kinect();
   sensor.intrinsics.distortion = {0.1, 0, 0, 0};
   sensor.intrinsics.fx += 1;
-  capture.sensors = {sensor};
-  const EvaluationStill still = StillOf(capture);
-  EXPECT_TRUE(still.frames.at(0).intrinsics == sensor.stated_intrinsics);
-  EXPECT_EQ(still.frames.at(0).sensor, sensor.sensor);
+  rendered.sensors = {sensor};
+  const EvaluationCapture capture = EvaluationCaptureOf(rendered);
+  EXPECT_TRUE(capture.frames.at(0).intrinsics == sensor.stated_intrinsics);
+  EXPECT_EQ(capture.frames.at(0).sensor, sensor.sensor);
 }
 
 class RigFiles : public testing::Test {
@@ -370,9 +370,10 @@ TEST(Measure, ErrorsAsBuiltAreThoseFromTheBoxes) {
   const Vector6d motion = Motion(0.006, -0.004, 0.005);
   const Pose moved = PerturbLeft(motion, Pose::Identity());
   Ring ring = MakeRing(std::vector<Pose>(PaperStructure().boxes().size(), moved));
-  ring.still.nominal_from_built = moved.inverse();
+  ring.capture.nominal_from_built = moved.inverse();
   StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
-  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  const std::vector<EvaluatedCase> cases =
+      EvaluateCapture(ring.capture, {{"volalign", {}}}, segmenter);
   for (std::size_t i = 0; i < 3; ++i) {
     const EvaluatedSensor& sensor = cases.at(0).results.at(i);
     const Eigen::Vector3d position = ring.rig.frames[i].ground_truth->translation();
@@ -391,9 +392,10 @@ TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
   StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
   AddPlacement(PerturbLeft(Motion(0.3, -0.2, 0.6), Pose::Identity()), &ring, &segmenter);
   // S2 sees the structure at its second place alone.
-  std::fill(ring.still.frames[2].depth.begin(), ring.still.frames[2].depth.end(), 2.0F);
-  std::fill(ring.still.labels[2].begin(), ring.still.labels[2].end(), 0);
-  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", {}}}, segmenter);
+  std::fill(ring.capture.frames[2].depth.begin(), ring.capture.frames[2].depth.end(), 2.0F);
+  std::fill(ring.capture.labels[2].begin(), ring.capture.labels[2].end(), 0);
+  const std::vector<EvaluatedCase> cases =
+      EvaluateCapture(ring.capture, {{"volalign", {}}}, segmenter);
   ASSERT_EQ(cases.at(0).results.size(), 3u);
   for (const EvaluatedSensor& sensor : cases[0].results) {
     EXPECT_EQ(sensor.sides_fix_pose, true) << sensor.name;
@@ -405,7 +407,7 @@ TEST(Measure, SensorsAreMeasuredInTheFirstPlacement) {
 TEST(Measure, TheNetworkSeesEachFrameOnce) {
   Ring ring = MakeRing();
   CountingSegmenter segmenter(ring.rig.PerfectSegmenter());
-  const std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, TwoVariants(), segmenter);
+  const std::vector<EvaluatedCase> cases = EvaluateCapture(ring.capture, TwoVariants(), segmenter);
   EXPECT_EQ(segmenter.frames, 3);
   ASSERT_EQ(cases.size(), 2u);
   EXPECT_EQ(cases[0].variant, "network");
@@ -414,7 +416,7 @@ TEST(Measure, TheNetworkSeesEachFrameOnce) {
   for (std::size_t i = 0; i < 2; ++i) {
     StoredSegmenter own = ring.rig.PerfectSegmenter();
     const CalibrationResult alone =
-        Calibrate(ring.still.frames, ring.still.structure, own, TwoVariants()[i].options);
+        Calibrate(ring.capture.frames, ring.capture.structure, own, TwoVariants()[i].options);
     for (std::size_t j = 0; j < 3; ++j) {
       EXPECT_DOUBLE_EQ(cases[i].results[j].nominal->refined.translation_m,
                        alone.sensors[j].error->translation_m);
@@ -429,15 +431,16 @@ TEST(Measure, ASensorThatSeesEnoughAndFailsIsLost) {
   StoredSegmenter segmenter;
   // S0 is segmented well, S1 not at all, S2 truly shows one side and is not segmented either.
   segmenter.Store(ring.rig.frames[0].depth, Certain(ring.rig.labels[0]));
-  for (std::uint8_t& label : ring.still.labels[2]) {
-    if (ring.still.structure.SideNames().at(0) !=
-        (label ? ring.still.structure.SideOfLabel(label).name : std::string())) {
+  for (std::uint8_t& label : ring.capture.labels[2]) {
+    if (ring.capture.structure.SideNames().at(0) !=
+        (label ? ring.capture.structure.SideOfLabel(label).name : std::string())) {
       label = 0;
     }
   }
   CalibrateOptions options;
   options.initial.method = PoseMethod::kNetwork;  // geometry would find all three
-  std::vector<EvaluatedCase> cases = EvaluateStill(ring.still, {{"volalign", options}}, segmenter);
+  std::vector<EvaluatedCase> cases =
+      EvaluateCapture(ring.capture, {{"volalign", options}}, segmenter);
   cases[0].rig = "ring";
   cases[0].sensors = "kinect";
   const std::vector<EvaluationSummary> summaries = SummariseCases(cases);

@@ -175,8 +175,8 @@ TEST(RecordingTest, ACaptureNeedsNothingButTheRecording) {
     return ReadCapture(folder / "capture.json");
   };
   const std::string here = std::filesystem::absolute(".").string() + "/";
-  const Capture capture = read(R"({"name": "R", "depth": ")" + here + kBag + R"("},)" +
-                               R"({"name": "K", "depth": ")" + here + kMkv + R"("})");
+  const CaptureFile capture = read(R"({"name": "R", "depth": ")" + here + kBag + R"("},)" +
+                                   R"({"name": "K", "depth": ")" + here + kMkv + R"("})");
   const SensorFrame &r = capture.sensors[0], &k = capture.sensors[1];
   // 10000, 10100 and 10200 steps of 0.1 mm: the mean of those near the median.
   EXPECT_NEAR(r.depth(0, 0), 1.01f, 1e-6);
@@ -187,7 +187,7 @@ TEST(RecordingTest, ACaptureNeedsNothingButTheRecording) {
   EXPECT_EQ(k.serial, "000123492812");
   EXPECT_EQ(k.intrinsics.distortion.size(), 8u);
   // What the capture states itself counts.
-  const Capture stated = read(
+  const CaptureFile stated = read(
       R"({"name": "R", "depth": ")" + here + kBag +
       R"(", "frames": 1, "depth_scale": 0.001, "serial": "x", "stream": "/device_0/sensor_0/Depth_0/image/data",
                "intrinsics": {"width": 64, "height": 48, "fx": 50, "fy": 50, "cx": 32, "cy": 24}})");

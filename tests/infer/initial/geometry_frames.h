@@ -28,13 +28,13 @@ inline SensorView See(const Structure& structure, const Pose& pose,
 }
 
 inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& structure) {
-  return FindPosesByGeometry(view, structure, FindAliases(structure));
+  return FindPosesByGeometry(view, structure, FindSymmetries(structure));
 }
 
 /// The pose that geometry and the floor decide on.
 inline PoseChoice Choose(const SensorView& view, const Structure& structure) {
   return ChooseTogether({{&view,
-                          FindHypotheses(view, structure, FindAliases(structure), {}, false,
+                          FindHypotheses(view, structure, FindSymmetries(structure), {}, false,
                                          InitialPoseOptions()),
                           0}},
                         structure)

@@ -61,7 +61,7 @@ TEST(FindPosesByGeometry, WithoutAFloorEveryPoseThatTheViewAllows) {
 // ranks first, has not the shape by little, and took the right one with it.
 TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
   const Structure structure = PaperStructure();
-  const std::vector<StructureAlias> aliases = FindAliases(structure);
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
   int cases = 0;
   for (int i = 0; i < 50 && cases < 8; ++i) {
     const Pose truth = RingPose(7.0 * i, 1.3 + 0.2 * (i % 5), 0.2 + 0.1 * (i % 4), 90,
@@ -76,8 +76,8 @@ TEST(FindPosesByGeometry, APoseThatShowsMoreTakesTheRightOneNotWithIt) {
     const ViewFit right = fitted(truth);
     if (!HasShape(right)) continue;
     const bool outdone =
-        std::any_of(aliases.begin(), aliases.end(), [&](const StructureAlias& alias) {
-          const ViewFit other = fitted(alias.motion * truth);
+        std::any_of(symmetries.begin(), symmetries.end(), [&](const StructureSymmetry& symmetry) {
+          const ViewFit other = fitted(symmetry.motion * truth);
           return other.explained > right.explained && !HasShape(other);
         });
     if (!outdone) continue;

@@ -154,17 +154,17 @@ TEST(FindHypotheses, AreThePosesOfTrialsThatWereFoundAndTheirAliases) {
   const SegmentationResult labels = Certain(LabelImage(20, 10));
   const OrientationTrial none = Trial(0, labels, false, 4), two = Trial(1, labels, true, 2),
                          one = Trial(3, labels, true, 1);
-  std::vector<StructureAlias> aliases(2);
-  aliases[0].motion = UpsideDown();
-  aliases[1].motion = Upright(90, 0.4);
+  std::vector<StructureSymmetry> symmetries(2);
+  symmetries[0].motion = UpsideDown();
+  symmetries[1].motion = Upright(90, 0.4);
   InitialPoseOptions network;
   network.method = PoseMethod::kNetwork;
   const auto poses_of = [&](const std::vector<const OrientationTrial*>& of, bool known_up) {
-    return FindHypotheses(view, PaperStructure(), aliases, of, known_up, network);
+    return FindHypotheses(view, PaperStructure(), symmetries, of, known_up, network);
   };
   struct Expected {
     std::size_t trial;
-    int alias;
+    int symmetry;
     double height;
     int turns;
   };
@@ -174,14 +174,14 @@ TEST(FindHypotheses, AreThePosesOfTrialsThatWereFoundAndTheirAliases) {
   ASSERT_EQ(all.size(), expected.size());
   for (std::size_t k = 0; k < all.size(); ++k) {
     EXPECT_EQ(all[k].trial, expected[k].trial) << k;
-    EXPECT_EQ(all[k].alias, expected[k].alias) << k;
+    EXPECT_EQ(all[k].symmetry, expected[k].symmetry) << k;
     EXPECT_EQ(all[k].turns, expected[k].turns) << k;
     EXPECT_NEAR(all[k].structure_from_sensor.translation().y(), expected[k].height, 1e-12) << k;
   }
   const std::vector<Hypothesis> upright = poses_of({&none, &two, &one}, true);
   ASSERT_EQ(upright.size(), 4u);
   for (const Hypothesis& pose : upright) {
-    EXPECT_NE(pose.alias, 0);
+    EXPECT_NE(pose.symmetry, 0);
     EXPECT_EQ(pose.turns, 0) << "given";
   }
   EXPECT_TRUE(poses_of({&none}, false).empty());
@@ -195,13 +195,15 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   const Intrinsics kinect = Kinect();
   const auto rendered = Render(structure, kinect, truth, {true, 3.5});
   const SensorView view = MakeSensorView(rendered.depth, kinect);
-  const std::vector<StructureAlias> aliases = FindAliases(structure);
-  const auto step = std::find_if(aliases.begin(), aliases.end(),
-                                 [](const StructureAlias& alias) { return alias.keeps_up(); });
-  const auto over = std::find_if(aliases.begin(), aliases.end(),
-                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
-  ASSERT_NE(step, aliases.end());
-  ASSERT_NE(over, aliases.end());
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
+  const auto step =
+      std::find_if(symmetries.begin(), symmetries.end(),
+                   [](const StructureSymmetry& symmetry) { return symmetry.keeps_up(); });
+  const auto over =
+      std::find_if(symmetries.begin(), symmetries.end(),
+                   [](const StructureSymmetry& symmetry) { return !symmetry.keeps_up(); });
+  ASSERT_NE(step, symmetries.end());
+  ASSERT_NE(over, symmetries.end());
   LabelImage after_step = rendered.labels;
   for (std::uint8_t& label : after_step) label = step->label_after[label];
   const OrientationTrial right = Trial(0, Certain(rendered.labels)),
@@ -214,7 +216,7 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
   poses[3].trial = 2;
   const auto weigh = [&](const std::vector<const OrientationTrial*>& trials) {
-    WeighHypotheses(view, structure, aliases, trials, &poses);
+    WeighHypotheses(view, structure, symmetries, trials, &poses);
   };
   const double decisive = std::log(kDecisiveOdds);
   weigh({&empty, &right, &shifted});
@@ -231,7 +233,7 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   EXPECT_LT(poses[2].by_labels, -decisive);
   EXPECT_EQ(poses[0].by_own_labels, 0) << "the first trial has no labels";
   EXPECT_LT(poses[3].by_own_labels, -decisive);
-  poses[3].alias = static_cast<int>(step - aliases.begin());
+  poses[3].symmetry = static_cast<int>(step - symmetries.begin());
   weigh({&empty, &empty, &right});
   EXPECT_LT(poses[3].by_own_labels, -decisive) << "renamed";
   EXPECT_GT(poses[3].by_labels, 2) << "as they are";
@@ -249,7 +251,7 @@ Pose WidePose(double phi_deg) {
   return RingPose(phi_deg, 1.65, 0, 0, Eigen::Vector3d(-0.05, -0.1, 0));
 }
 
-/// Labels that a network gives that takes the structure for the alias: those of the structure as
+/// Labels that a network gives that takes the structure for the symmetry: those of the structure as
 /// seen from the moved pose, where the depths are the same.
 LabelImage LabelsAs(const Rig& rig, const Pose& motion) {
   const SensorFrame& frame = rig.frames.back();
@@ -289,12 +291,12 @@ Rig BetweenWalls(int turns) {
 }
 
 // Rendered ground truth: the pose that the frame was cast from.
-TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForAnAlias) {
+TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForASymmetry) {
   for (const double phi : {20.0, 250.0}) {
     const Rig rig = WideRig(phi, kAutoTurns);
-    const std::vector<StructureAlias> aliases = FindAliases(rig.structure);
-    for (std::size_t a = 0; a < aliases.size() && aliases[a].boxes >= 3; ++a) {
-      const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, aliases[a].motion));
+    const std::vector<StructureSymmetry> symmetries = FindSymmetries(rig.structure);
+    for (std::size_t a = 0; a < symmetries.size() && symmetries[a].boxes >= 3; ++a) {
+      const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, symmetries[a].motion));
       ASSERT_TRUE(sensor.structure_from_sensor.has_value())
           << phi << " " << a << ": " << ToString(sensor.code) << ", " << sensor.reason;
       EXPECT_TRUE(Within(*sensor.error, 0.02, 1)) << phi << " " << a;
@@ -306,11 +308,11 @@ TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForAnAlias) {
 
 TEST(CompetingPoses, AMixtureOfBoxesIsReconciled) {
   const Rig rig = WideRig(20, kAutoTurns);
-  const std::vector<StructureAlias> aliases = FindAliases(rig.structure);
-  LabelImage labels = LabelsAs(rig, aliases[0].motion);
-  for (std::size_t a = 0; a < aliases.size(); ++a) {
-    if (aliases[a].boxes != 3 || !aliases[a].keeps_up()) continue;
-    const LabelImage others = LabelsAs(rig, aliases[a].motion);
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(rig.structure);
+  LabelImage labels = LabelsAs(rig, symmetries[0].motion);
+  for (std::size_t a = 0; a < symmetries.size(); ++a) {
+    if (symmetries[a].boxes != 3 || !symmetries[a].keeps_up()) continue;
+    const LabelImage others = LabelsAs(rig, symmetries[a].motion);
     for (const auto [u, v] : Pixels(labels.width(), labels.height() / 2))
       labels(u, v) = others(u, v);
     const FrameResult sensor = CalibrateAs(rig, labels);
@@ -326,7 +328,7 @@ TEST(CompetingPoses, AMixtureOfBoxesIsReconciled) {
 TEST(CompetingPoses, WithoutAFloorUpAndDownStayOpen) {
   for (const bool over : {false, true}) {
     const Rig rig = BetweenWalls(kAutoTurns);
-    const Pose motion = over ? FindAliases(rig.structure).front().motion : Pose::Identity();
+    const Pose motion = over ? FindSymmetries(rig.structure).front().motion : Pose::Identity();
     const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, motion));
     ASSERT_TRUE(sensor.structure_from_sensor.has_value())
         << ToString(sensor.code) << ", " << sensor.reason;

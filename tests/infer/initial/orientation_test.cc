@@ -123,10 +123,11 @@ TEST(LabelViews, APictureThatTheNetworkTakesForAStructureUpsideDownIsTurnedRound
   // In the orientation 3 the network names the sides that the stack would show after half a turn
   // about its horizontal diagonal; only the floor tells that it does not hang from the ceiling.
   Frames frames({3});
-  const std::vector<StructureAlias> aliases = FindAliases(frames.structure);
-  const auto over = std::find_if(aliases.begin(), aliases.end(),
-                                 [](const StructureAlias& alias) { return !alias.keeps_up(); });
-  ASSERT_NE(over, aliases.end());
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(frames.structure);
+  const auto over =
+      std::find_if(symmetries.begin(), symmetries.end(),
+                   [](const StructureSymmetry& symmetry) { return !symmetry.keeps_up(); });
+  ASSERT_NE(over, symmetries.end());
   ASSERT_EQ(over->boxes, 4);
   LabelImage& seen = frames.segmenter.answers[&frames.views[0].depth].second;
   for (std::uint8_t& label : seen) label = over->label_after[label];
@@ -195,7 +196,7 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
                                            {&images[0], &intrinsics, kAutoTurns, false}};
   const InitialPoseOptions initial;
   StageClock clock;
-  const LabelContext context{views, structure, FindAliases(structure), &segmenter, initial,
+  const LabelContext context{views, structure, FindSymmetries(structure), &segmenter, initial,
                              1,     &clock};
   const std::vector<OrientationTrial> trials = TryOrientations(context);
   std::vector<std::pair<std::size_t, int>> tried;
@@ -209,7 +210,7 @@ TEST(TryOrientations, GivesPoseAndFloorOfEachTrial) {
     if (!right) continue;
     EXPECT_TRUE(Within(ComparePoses(trial.initial.structure_from_sensor, truth), 0.01, 0.3));
     EXPECT_EQ(trial.segmentation.labels, rendered.labels);
-    EXPECT_EQ(trial.by_floor, FloorMargin(images[0], structure, context.aliases,
+    EXPECT_EQ(trial.by_floor, FloorMargin(images[0], structure, context.symmetries,
                                           trial.initial.structure_from_sensor));
   }
 }

@@ -132,7 +132,7 @@ class Proposals : public testing::Test {
     trial.segmentation = Certain(labels);
     trial.initial.found = true;
     trial.initial.structure_from_sensor = network;
-    return FindHypotheses(view_, box_, FindAliases(box_), {&trial}, true, InitialPoseOptions());
+    return FindHypotheses(view_, box_, FindSymmetries(box_), {&trial}, true, InitialPoseOptions());
   }
   PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
     return ChooseTogether({{&view_, Hypotheses(network, labels), 0}}, box_).front();

@@ -36,7 +36,7 @@ struct Candidates {
   /// `roll_deg`: of each sensor; 90 of those past its end.
   explicit Candidates(const std::vector<Evidence>& evidence,
                       const std::vector<double>& roll_deg = {}) {
-    const Pose motion = FindAliases(structure).front().motion;
+    const Pose motion = FindSymmetries(structure).front().motion;
     for (std::size_t i = 0; i < evidence.size(); ++i) {
       const double roll = i < roll_deg.size() ? roll_deg[i] : 90;
       right.push_back(RingPose(10 + 50 * static_cast<double>(i), 2, 0.4, roll));
@@ -120,7 +120,7 @@ TEST(ChooseAlone, LabelsTellOneStepOfASpiralFromTheNextWhereTheyAreClear) {
 }
 
 TEST(ChooseAlone, LabelsDoNotTellUpFromDown) {
-  const Pose over = FindAliases(PaperStructure()).front().motion;
+  const Pose over = FindSymmetries(PaperStructure()).front().motion;
   const PoseChoice choice = ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(over, 0, -9)});
   EXPECT_EQ(choice.best.by_labels, 3);
   EXPECT_TRUE(choice.ambiguous());
@@ -155,12 +155,12 @@ TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
   Hypothesis second = Candidate(Upright(5, 0.1), 0, 1, 2);
   Hypothesis third = Candidate(Upright(2, 0), 0, 1, 4);
   second.trial = 1;
-  second.alias = 2;
+  second.symmetry = 2;
   third.source = PoseSource::kGeometry;
   const PoseChoice choice = ChooseAmong({first, second, third});
   EXPECT_FALSE(choice.ambiguous());
   EXPECT_EQ(choice.best.trial, 1u);
-  EXPECT_EQ(choice.best.alias, 2);
+  EXPECT_EQ(choice.best.symmetry, 2);
   EXPECT_EQ(choice.best.by_own_labels, 2);
   EXPECT_EQ(choice.best.by_labels, 3);
 }
@@ -300,7 +300,7 @@ TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
   rig.poses[0].resize(1);  // known
   for (std::size_t i = 0; i < 2; ++i) {
     rig.right[i] = RingPose(80 + 20 * static_cast<double>(i), 2, 0.4);
-    rig.over[i] = FindAliases(rig.structure).front().motion * rig.right[i];
+    rig.over[i] = FindSymmetries(rig.structure).front().motion * rig.right[i];
     rig.poses[i][0].structure_from_sensor = rig.right[i];
     if (i > 0) rig.poses[i][1].structure_from_sensor = rig.over[i];
     rig.views[i] =
@@ -328,7 +328,7 @@ class LabelsOfAPose : public ::testing::Test {
     float confidence;
   };
   Seen At(const Seen& own, const std::vector<Seen>& others,
-          const std::vector<StructureAlias>& aliases = {}) {
+          const std::vector<StructureSymmetry>& symmetries = {}) {
     const auto labels = [](const Seen& seen) {
       SegmentationResult result = Certain(LabelImage(20, 10, 0));
       result.labels(9, 5) = seen.label;
@@ -340,7 +340,7 @@ class LabelsOfAPose : public ::testing::Test {
     std::vector<const SegmentationResult*> of_trials;
     for (const SegmentationResult& of_trial : all) of_trials.push_back(&of_trial);
     const SegmentationResult result =
-        LabelsAt(MakeSensorView(depth_, Coarse()), box_, aliases, hypothesis_, of_trials);
+        LabelsAt(MakeSensorView(depth_, Coarse()), box_, symmetries, hypothesis_, of_trials);
     return {result.labels(9, 5), result.confidence(9, 5)};
   }
 };
@@ -374,15 +374,15 @@ TEST_F(LabelsOfAPose, SourcesThatAreNotSureHaveNoSay) {
   EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.5f}}).label, near_);
 }
 
-TEST_F(LabelsOfAPose, AnAliasNamesTheSideThatALabelHasAfterIt) {
-  StructureAlias alias;
-  alias.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
-  alias.label_after[far_] = near_;
-  const Seen own = At({far_, 0.8f}, {}, {alias});
+TEST_F(LabelsOfAPose, ASymmetryNamesTheSideThatALabelHasAfterIt) {
+  StructureSymmetry symmetry;
+  symmetry.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
+  symmetry.label_after[far_] = near_;
+  const Seen own = At({far_, 0.8f}, {}, {symmetry});
   EXPECT_EQ(own.label, near_);
   EXPECT_EQ(own.confidence, 0.8f);
-  EXPECT_EQ(At({0, 0.8f}, {{far_, 0.6f}}, {alias}).label, near_);
-  EXPECT_EQ(At({far_, 0.4f}, {}, {alias}).label, far_);
+  EXPECT_EQ(At({0, 0.8f}, {{far_, 0.6f}}, {symmetry}).label, near_);
+  EXPECT_EQ(At({far_, 0.4f}, {}, {symmetry}).label, far_);
 }
 
 TEST_F(LabelsOfAPose, NothingChangesWithoutDepthOrAwayFromTheStructure) {
@@ -394,14 +394,14 @@ TEST_F(LabelsOfAPose, NothingChangesWithoutDepthOrAwayFromTheStructure) {
 
 TEST_F(LabelsOfAPose, ThatASymmetryMovedAreRenamedByIt) {
   depth_ = DepthImage(20, 10, 0.0f);
-  StructureAlias alias;
-  alias.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
-  alias.label_after[far_] = near_;
-  hypothesis_.alias = 0;
-  EXPECT_EQ(At({0, 0.8f}, {}, {alias}).label, 0);
-  EXPECT_EQ(At({far_, 0.8f}, {}, {alias}).label, near_);
-  EXPECT_EQ(At({next_, 0.8f}, {}, {alias}).label, 0);
-  EXPECT_EQ(At({255, 0.8f}, {}, {alias}).label, 0) << "beyond the table";
+  StructureSymmetry symmetry;
+  symmetry.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
+  symmetry.label_after[far_] = near_;
+  hypothesis_.symmetry = 0;
+  EXPECT_EQ(At({0, 0.8f}, {}, {symmetry}).label, 0);
+  EXPECT_EQ(At({far_, 0.8f}, {}, {symmetry}).label, near_);
+  EXPECT_EQ(At({next_, 0.8f}, {}, {symmetry}).label, 0);
+  EXPECT_EQ(At({255, 0.8f}, {}, {symmetry}).label, 0) << "beyond the table";
 }
 
 Structure Cube() {
@@ -553,14 +553,14 @@ TEST(FindFloor, IsTheFloorThatWasRendered) {
   ASSERT_GT(expected, 1000);
 }
 
-TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
+TEST(FloorMargin, IsTheLeastDifferenceToASymmetry) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
   const SensorView view = MakeSensorView(Render(structure, Kinect(), pose).depth, Kinect());
   EXPECT_EQ(FloorMargin(view, structure, {}, pose), std::numeric_limits<double>::infinity());
   // Two motions by hand: upside down about the stack's middle, which is at the origin's height, and
   // 0.4 m higher.
-  StructureAlias over, higher;
+  StructureSymmetry over, higher;
   over.motion.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal();
   higher.motion.translation().y() = 0.4;
   const double own = FindFloor(view, structure, pose).LogOdds();
@@ -571,8 +571,8 @@ TEST(FloorMargin, IsTheLeastDifferenceToAnAlias) {
   EXPECT_DOUBLE_EQ(FloorMargin(view, structure, {over}, pose), own - upside_down);
   EXPECT_DOUBLE_EQ(FloorMargin(view, structure, {over, higher}, pose),
                    own - std::max(upside_down, raised));
-  // At the raised pose the true one is an alias that the floor speaks for.
-  StructureAlias lower;
+  // At the raised pose the true one is a symmetry that the floor speaks for.
+  StructureSymmetry lower;
   lower.motion.translation().y() = -0.4;
   EXPECT_LT(FloorMargin(view, structure, {lower}, higher.motion * pose), -std::log(100.0));
 }

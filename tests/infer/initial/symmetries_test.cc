@@ -25,12 +25,12 @@ bool Inside(const Structure& structure, const Eigen::Vector3d& p, double slack) 
 }
 
 // Independent of corners: the volume of the moved boxes, by random points.
-TEST(FindAliases, CountsTheBoxesThatComeToLieOnBoxes) {
+TEST(FindSymmetries, CountsTheBoxesThatComeToLieOnBoxes) {
   const Structure structure = PaperStructure();
-  const std::vector<StructureAlias> aliases = FindAliases(structure);
-  ASSERT_GE(aliases.size(), 4u);
+  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
+  ASSERT_GE(symmetries.size(), 4u);
   RandomStream random(1, 0, "points");
-  for (const StructureAlias& alias : aliases) {
+  for (const StructureSymmetry& symmetry : symmetries) {
     int covered = 0;
     for (const Box& box : structure.boxes()) {
       bool all = true;
@@ -38,32 +38,32 @@ TEST(FindAliases, CountsTheBoxesThatComeToLieOnBoxes) {
         const Eigen::Vector3d p{random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5),
                                 random.Uniform(-0.5, 0.5)};
         all = all && Inside(structure,
-                            alias.motion * (box.structure_from_box *
-                                            Eigen::Vector3d(p.cwiseProduct(box.size))),
+                            symmetry.motion * (box.structure_from_box *
+                                               Eigen::Vector3d(p.cwiseProduct(box.size))),
                             0.02);
       }
       covered += all ? 1 : 0;
     }
-    EXPECT_EQ(covered, alias.boxes);
+    EXPECT_EQ(covered, symmetry.boxes);
     for (int label = 1; label < structure.num_classes(); ++label) {
-      const int after = alias.label_after[static_cast<std::size_t>(label)];
+      const int after = symmetry.label_after[static_cast<std::size_t>(label)];
       if (after == 0) continue;
       const Side& side = structure.SideOfLabel(label);
       const Eigen::Vector3d p =
-          alias.motion * Eigen::Vector3d(side.centre + 0.1 * side.half_u * side.axis_u);
+          symmetry.motion * Eigen::Vector3d(side.centre + 0.1 * side.half_u * side.axis_u);
       EXPECT_LT((structure.SideOfLabel(after).ClosestPoint(p) - p).norm(), 0.02);
     }
   }
   // The paper's stack by hand: half a turn about a horizontal diagonal keeps all four boxes, and
   // a step of the spiral three, a box height higher or lower.
-  EXPECT_EQ(aliases[0].boxes, 4);
-  EXPECT_FALSE(aliases[0].keeps_up());
+  EXPECT_EQ(symmetries[0].boxes, 4);
+  EXPECT_FALSE(symmetries[0].keeps_up());
   int up = 0, down = 0;
-  for (const StructureAlias& alias : aliases) {
-    if (alias.boxes != 3 || !alias.keeps_up()) continue;
-    EXPECT_NEAR(std::abs(alias.motion.translation().y()), 0.405, 1e-6);
-    EXPECT_NEAR(alias.motion.linear().trace(), 1, 1e-9);  // a quarter turn
-    ++(alias.motion.translation().y() > 0 ? up : down);
+  for (const StructureSymmetry& symmetry : symmetries) {
+    if (symmetry.boxes != 3 || !symmetry.keeps_up()) continue;
+    EXPECT_NEAR(std::abs(symmetry.motion.translation().y()), 0.405, 1e-6);
+    EXPECT_NEAR(symmetry.motion.linear().trace(), 1, 1e-9);  // a quarter turn
+    ++(symmetry.motion.translation().y() > 0 ? up : down);
   }
   EXPECT_EQ(up, 1);
   EXPECT_EQ(down, 1);
@@ -132,9 +132,9 @@ int CountMoved(const Structure& structure, const Pose& motion) {
   return count;
 }
 
-/// Every alias by definition: all turns that take the axes to the axes, all pairs of boxes.
-std::vector<StructureAlias> AliasesByDefinition(const Structure& structure) {
-  std::vector<StructureAlias> aliases;
+/// Every symmetry by definition: all turns that take the axes to the axes, all pairs of boxes.
+std::vector<StructureSymmetry> SymmetriesByDefinition(const Structure& structure) {
+  std::vector<StructureSymmetry> symmetries;
   for (int code = 0; code < 6 * 8; ++code) {
     std::array<int, 3> axes{0, 1, 2};
     for (int k = 0; k < code / 8; ++k) std::next_permutation(axes.begin(), axes.end());
@@ -143,71 +143,72 @@ std::vector<StructureAlias> AliasesByDefinition(const Structure& structure) {
     if (turn.determinant() < 0) continue;
     for (const Box& from : structure.boxes()) {
       for (const Box& to : structure.boxes()) {
-        StructureAlias alias;
-        alias.motion.linear() = turn;
-        alias.motion.translation() =
+        StructureSymmetry symmetry;
+        symmetry.motion.linear() = turn;
+        symmetry.motion.translation() =
             to.structure_from_box.translation() - turn * from.structure_from_box.translation();
         const auto known = [&](const Pose& other) {
           return (other.linear() - turn).norm() < 1e-9 &&
-                 (other.translation() - alias.motion.translation()).norm() < 0.04;
+                 (other.translation() - symmetry.motion.translation()).norm() < 0.04;
         };
         if (known(Pose::Identity()) ||
-            std::any_of(aliases.begin(), aliases.end(),
-                        [&](const StructureAlias& other) { return known(other.motion); }))
+            std::any_of(symmetries.begin(), symmetries.end(),
+                        [&](const StructureSymmetry& other) { return known(other.motion); }))
           continue;
-        alias.boxes = CountMoved(structure, alias.motion);
-        if (2 * alias.boxes < static_cast<int>(structure.boxes().size())) continue;
-        alias.label_after.assign(static_cast<std::size_t>(structure.num_classes()), 0);
+        symmetry.boxes = CountMoved(structure, symmetry.motion);
+        if (2 * symmetry.boxes < static_cast<int>(structure.boxes().size())) continue;
+        symmetry.label_after.assign(static_cast<std::size_t>(structure.num_classes()), 0);
         for (int label = 1; label < structure.num_classes(); ++label) {
           const Side& side = structure.SideOfLabel(label);
           for (const Side& other : structure.sides()) {
-            if ((alias.motion * side.centre - other.centre).norm() < 0.02 &&
+            if ((symmetry.motion * side.centre - other.centre).norm() < 0.02 &&
                 (turn * side.normal).dot(other.normal) > 0.99)
-              alias.label_after[static_cast<std::size_t>(label)] = other.label;
+              symmetry.label_after[static_cast<std::size_t>(label)] = other.label;
           }
         }
-        aliases.push_back(alias);
+        symmetries.push_back(symmetry);
       }
     }
   }
   std::stable_sort(
-      aliases.begin(), aliases.end(),
-      [](const StructureAlias& a, const StructureAlias& b) { return a.boxes > b.boxes; });
-  return aliases;
+      symmetries.begin(), symmetries.end(),
+      [](const StructureSymmetry& a, const StructureSymmetry& b) { return a.boxes > b.boxes; });
+  return symmetries;
 }
 
-TEST(FindAliases, AreThoseOfTheStackHoweverItIsTurned) {
+TEST(FindSymmetries, AreThoseOfTheStackHoweverItIsTurned) {
   const Structure structure = PaperStructure();
   const Pose turn(Eigen::AngleAxisd(M_PI / 6, Eigen::Vector3d::UnitY()));
   std::vector<Box> boxes = structure.boxes();
   for (Box& box : boxes) box.structure_from_box = turn * box.structure_from_box;
   const Structure turned = Structure::FromBoxes("turned", boxes);
-  const std::vector<StructureAlias> before = FindAliases(structure), after = FindAliases(turned);
+  const std::vector<StructureSymmetry> before = FindSymmetries(structure),
+                                       after = FindSymmetries(turned);
   ASSERT_EQ(after.size(), before.size());
-  for (const StructureAlias& alias : before) {
-    const Pose motion = turn * alias.motion * turn.inverse();
-    EXPECT_TRUE(std::any_of(after.begin(), after.end(), [&](const StructureAlias& other) {
-      return other.motion.isApprox(motion, 1e-6) && other.boxes == alias.boxes;
+  for (const StructureSymmetry& symmetry : before) {
+    const Pose motion = turn * symmetry.motion * turn.inverse();
+    EXPECT_TRUE(std::any_of(after.begin(), after.end(), [&](const StructureSymmetry& other) {
+      return other.motion.isApprox(motion, 1e-6) && other.boxes == symmetry.boxes;
     }));
   }
 }
 
-TEST(FindAliases, AreThoseOfTheStackAlsoWhereTheFirstBoxIsTurnedALittle) {
+TEST(FindSymmetries, AreThoseOfTheStackAlsoWhereTheFirstBoxIsTurnedALittle) {
   std::vector<Box> boxes = PaperStructure().boxes();
-  const std::size_t straight = FindAliases(PaperStructure()).size();
+  const std::size_t straight = FindSymmetries(PaperStructure()).size();
   boxes[0].structure_from_box.rotate(Eigen::AngleAxisd(0.06, Eigen::Vector3d::UnitY()));
-  const std::size_t askew = FindAliases(Structure::FromBoxes("askew", boxes)).size();
+  const std::size_t askew = FindSymmetries(Structure::FromBoxes("askew", boxes)).size();
   std::rotate(boxes.begin(), boxes.begin() + 1, boxes.end());
-  EXPECT_EQ(FindAliases(Structure::FromBoxes("last", boxes)).size(), askew);
+  EXPECT_EQ(FindSymmetries(Structure::FromBoxes("last", boxes)).size(), askew);
   EXPECT_GT(askew, 0U);
   EXPECT_LE(askew, straight);
 }
 
-TEST(FindAliases, AreAllMotionsByDefinition) {
+TEST(FindSymmetries, AreAllMotionsByDefinition) {
   std::size_t all = 0;
   for (const Structure& structure : {PaperStructure(), Grid(9), Heap(6), Heap(3), Grid(1)}) {
-    const std::vector<StructureAlias> expected = AliasesByDefinition(structure);
-    const std::vector<StructureAlias> found = FindAliases(structure);
+    const std::vector<StructureSymmetry> expected = SymmetriesByDefinition(structure);
+    const std::vector<StructureSymmetry> found = FindSymmetries(structure);
     ASSERT_EQ(found.size(), expected.size()) << structure.name();
     for (std::size_t a = 0; a < found.size(); ++a) {
       EXPECT_EQ(found[a].boxes, expected[a].boxes) << structure.name() << " " << a;
@@ -222,15 +223,16 @@ TEST(FindAliases, AreAllMotionsByDefinition) {
 // 51 boxes, the most that labels can name, have 60,000 motions that bring a box onto a box. To try
 // each of them with each pair of boxes, as the definition says, takes 250 times as long. Times of
 // this process' processor, against each other: neither the machine nor a sanitizer counts.
-TEST(FindAliases, FiftyOneBoxesTakeFarLessThanToTryEachMotion) {
+TEST(FindSymmetries, FiftyOneBoxesTakeFarLessThanToTryEachMotion) {
   double by_definition = 0;
   for (const Structure& structure : {Grid(51), Heap(51)}) {
     const std::clock_t start = std::clock();
-    const std::vector<StructureAlias> aliases = FindAliases(structure);
+    const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
     const std::clock_t found = std::clock();
     int tried = 0;
-    for (std::size_t a = 0; a < aliases.size(); a += 1 + aliases.size() / 100, ++tried)
-      EXPECT_EQ(aliases[a].boxes, CountMoved(structure, aliases[a].motion)) << structure.name();
+    for (std::size_t a = 0; a < symmetries.size(); a += 1 + symmetries.size() / 100, ++tried)
+      EXPECT_EQ(symmetries[a].boxes, CountMoved(structure, symmetries[a].motion))
+          << structure.name();
     if (tried > 20) {
       by_definition = 60000. / tried * static_cast<double>(std::clock() - found);
     }
@@ -238,13 +240,13 @@ TEST(FindAliases, FiftyOneBoxesTakeFarLessThanToTryEachMotion) {
   }
 }
 
-TEST(FindAliases, BoxesOfDifferentSizesHaveNone) {
+TEST(FindSymmetries, BoxesOfDifferentSizesHaveNone) {
   const Structure structure =
       Structure::FromBoxes("odd", {Box::FromMinMax("low", {-0.4, -0.8, -0.2}, {0.3, -0.3, 0.15}),
                                    Box::FromMinMax("middle", {-0.1, -0.3, -0.2}, {0.3, 0.1, 0.4}),
                                    Box::FromMinMax("high", {-0.3, 0.1, -0.1}, {0.3, 0.45, 0.15})});
   // Each box by itself is the same after half a turn about its own axes.
-  for (const StructureAlias& alias : FindAliases(structure)) EXPECT_LT(alias.boxes, 2);
+  for (const StructureSymmetry& symmetry : FindSymmetries(structure)) EXPECT_LT(symmetry.boxes, 2);
 }
 
 }  // namespace

@@ -41,9 +41,9 @@ TEST(TargetQuality, AStackWithTurnsThatLookAlikeIsPoor) {
     EXPECT_GE(view.look_alike.size(), 7u);
     EXPECT_TRUE(view.sides_fix_pose);
   }
-  EXPECT_TRUE(
-      std::any_of(quality.aliases.begin(), quality.aliases.end(),
-                  [](const TargetAlias& alias) { return alias.all && !alias.floor_tells; }));
+  EXPECT_TRUE(std::any_of(
+      quality.symmetries.begin(), quality.symmetries.end(),
+      [](const TargetSymmetry& symmetry) { return symmetry.all && !symmetry.floor_tells; }));
   const std::string text = FormatTarget(structure, quality);
   EXPECT_TRUE(Has(text, "poor: from 100 %",
                   "Turned by 90 deg, the stack looks the same from every direction."));
@@ -80,8 +80,8 @@ TEST(TargetQuality, ThePapersStackNeedsTheFloor) {
   const TargetQuality quality = MeasureTarget(structure, FewViews());
   for (const TargetView& view : quality.views) {
     EXPECT_FALSE(view.look_alike.empty());
-    for (const int alias : view.look_alike)
-      EXPECT_TRUE(quality.aliases[static_cast<std::size_t>(alias)].floor_tells);
+    for (const int symmetry : view.look_alike)
+      EXPECT_TRUE(quality.symmetries[static_cast<std::size_t>(symmetry)].floor_tells);
   }
   const std::string text = FormatTarget(structure, quality);
   EXPECT_TRUE(Has(text, "good: ", "let sensors see the floor"));

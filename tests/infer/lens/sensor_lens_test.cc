@@ -99,7 +99,7 @@ SensorFrame FrameOf(const std::string& kind, std::vector<double> distortion) {
   return frame;
 }
 
-/// Of frames in the order of their stills.
+/// Of frames in the order of their captures.
 template <class T>
 std::vector<T> InOrder(const PerFrame<T>& values) {
   std::vector<T> all;
@@ -145,7 +145,7 @@ TEST(AssumeLenses, SensorsOfAKindShareALensAndTheOthersHaveTheirOwn) {
 }
 
 TEST(AssumeLenses, FramesOfOneNameAreOfOneSensor) {
-  // Two stills of two sensors.
+  // Two captures of two sensors.
   std::vector<SensorFrame> frames(2, FrameOf("", {}));
   frames[0].name = "A";
   frames[1].name = "B";

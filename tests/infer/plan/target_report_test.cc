@@ -13,13 +13,13 @@ Structure OneBox() {
   return Structure::FromBoxes("crate", {Box::FromMinMax("box", {-0.2, -0.3, -0.2}, {0.2, 0, 0.2})});
 }
 
-/// Four views from 1 m: one that is good, one that fixes no pose, and two like those of aliases, of
-/// which the floor tells the second.
+/// Four views from 1 m: one that is good, one that fixes no pose, and two like those of symmetries,
+/// of which the floor tells the second.
 TargetQuality Mixed() {
   TargetQuality quality;
   quality.options.directions = 4;
   quality.options.heights_m = {1};
-  quality.aliases = {{"turned by 180 deg", 2, true, false}, {"upside down", 1, false, true}};
+  quality.symmetries = {{"turned by 180 deg", 2, true, false}, {"upside down", 1, false, true}};
   for (int i = 0; i < 4; ++i) {
     TargetView view;
     view.phi_deg = 90 * i;
@@ -35,7 +35,7 @@ TargetQuality Mixed() {
 
 TargetQuality Good() {
   TargetQuality quality = Mixed();
-  quality.aliases.clear();
+  quality.symmetries.clear();
   for (TargetView& view : quality.views) {
     view.sides_fix_pose = true;
     view.look_alike.clear();

@@ -216,7 +216,7 @@ TEST(ExcludeDisagreeing, KeepsExcludedWhatWasExcludedEarlier) {
 TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   OddOne scene(0.04);
   for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
-  scene.frames[2].still = 1;
+  scene.frames[2].capture = 1;
   scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
                                                  std::vector<SensorLens>(), 2);
   scene.solution.state =

@@ -75,23 +75,24 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   by_errors.head<kFrameErrors>() =
       FrameErrorsAt(observed.noise.depth, face.p, block.pose.linear().transpose() * side.normal);
   by_errors[kGain] = 1.5;
-  by_errors[kBounced] = BouncedShare(block.structure, side, block.pose * face.p,
-                                     block.pose.translation(), observed.noise.depth.bounce_reach_m);
+  by_errors[kDiffuseMultipath] =
+      DiffuseMultipathShare(block.structure, side, block.pose * face.p, block.pose.translation(),
+                            observed.noise.depth.bounce_reach_m);
   EXPECT_TRUE(face.by_errors.isApprox(by_errors, 1e-9)) << face.by_errors.transpose();
 }
 
 TEST(GatherObservations, WhatMayBeMeasuredAsideIsLeftOutWhereTheOthersAreEnough) {
   Block block;
   for (int i = 0; i < 8; ++i) block.Add(0.002 * i, 0, 7);
-  for (std::size_t i = 3; i < 8; ++i) block.points.side_points[i].aside_rad = 0.003;
+  for (std::size_t i = 3; i < 8; ++i) block.points.side_points[i].lateral_sigma_rad = 0.003;
   const FrameObservations enough = block.Gather();
   ASSERT_EQ(enough.faces.size(), 1u);
-  EXPECT_EQ(enough.faces[0].aside_rad, 0);
+  EXPECT_EQ(enough.faces[0].lateral_sigma_rad, 0);
   EXPECT_NEAR(enough.faces[0].p.x(), 0.002, 1e-9);
-  block.points.side_points[2].aside_rad = 0.003;
+  block.points.side_points[2].lateral_sigma_rad = 0.003;
   const FrameObservations all = block.Gather();
   ASSERT_EQ(all.faces.size(), 1u);
-  EXPECT_NEAR(all.faces[0].aside_rad, 0.003 * 6 / 8, 1e-9);
+  EXPECT_NEAR(all.faces[0].lateral_sigma_rad, 0.003 * 6 / 8, 1e-9);
   EXPECT_NEAR(all.faces[0].p.x(), 0.007, 1e-9);
 }
 
@@ -274,7 +275,7 @@ TEST(SidePoints, OfAStereoPairSayWhereItsMatcherAddsSome) {
       for (const SidePoint& point : sampled.side_points) {
         const Side& side = rig.structure.SideOfLabel(point.label);
         const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
-        if (point.aside_rad > 0) continue;
+        if (point.lateral_sigma_rad > 0) continue;
         ++points;
         off += std::abs(side.normal.dot(p - side.centre)) > 5e-3;
       }
@@ -299,7 +300,7 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
     const SensorPoints points =
         SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all, 0.5);
     return std::count_if(points.side_points.begin(), points.side_points.end(),
-                         [](const SidePoint& point) { return point.aside_rad == 0; });
+                         [](const SidePoint& point) { return point.lateral_sigma_rad == 0; });
   };
   DepthImage depth = rig.frames[0].depth;
   std::ptrdiff_t holes = 0;

@@ -59,9 +59,9 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
     add_pose("pose" + frame, layout.Pose(i), [i](State* s) -> PoseBlock& { return s->poses[i]; });
     add("offset" + frame, layout.Offset(i), [i](State* s) -> double& { return s->offsets[i]; });
   }
-  for (std::size_t still = 1; still < layout.stills(); ++still)
-    add_pose("placement", layout.Placement(still),
-             [still](State* s) -> PoseBlock& { return s->placements[still]; });
+  for (std::size_t capture = 1; capture < layout.captures(); ++capture)
+    add_pose("placement", layout.Placement(capture),
+             [capture](State* s) -> PoseBlock& { return s->placements[capture]; });
   for (std::size_t i = 0; i < layout.sensors(); ++i) {
     for (int k = 0; k < kSensorErrors; ++k)
       add("error" + std::to_string(k) + " of sensor " + std::to_string(i),
@@ -73,20 +73,20 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
           [lens, k](State* s) -> double& { return s->lenses[lens][k]; });
   }
   add("size", layout.Size(), [](State* s) -> double& { return s->size; });
-  for (std::size_t still = 0; still < layout.stills(); ++still) {
+  for (std::size_t capture = 0; capture < layout.captures(); ++capture) {
     for (int b = 0; b < static_cast<int>(layout.boxes()); ++b) {
       int k = 0;
       for (const int at : {BuildModel::X(b), BuildModel::Z(b), BuildModel::Yaw(b)})
-        add("box " + std::to_string(b), layout.Boxes(still) + Eigen::Index{3} * b + k++,
-            [still, at](State* s) -> double& {
-              return s->boxes[still][static_cast<std::size_t>(at)];
+        add("box " + std::to_string(b), layout.Boxes(capture) + Eigen::Index{3} * b + k++,
+            [capture, at](State* s) -> double& {
+              return s->boxes[capture][static_cast<std::size_t>(at)];
             });
     }
     for (int label = 1; label <= 5 * static_cast<int>(layout.boxes()); ++label) {
       const int at = BuildModel::Bulge(label);
-      add("side " + std::to_string(label), layout.Bulges(still) + at,
-          [still, at](State* s) -> double& {
-            return s->bulges[still][static_cast<std::size_t>(at)];
+      add("side " + std::to_string(label), layout.Bulges(capture) + at,
+          [capture, at](State* s) -> double& {
+            return s->bulges[capture][static_cast<std::size_t>(at)];
           });
     }
   }
@@ -97,7 +97,7 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
 }
 
 TEST(ParameterLayout, ColumnsAreThoseOfTheJacobianThatCeresEvaluates) {
-  // The stack stands elsewhere in the second still, which has a frame of the first sensor.
+  // The stack stands elsewhere in the second capture, which has a frame of the first sensor.
   Rig rig{PaperStructure(), {}, {}};
   Pose placement(Eigen::Translation3d(0.4, 0, -0.2));
   placement.linear() = RotationExp(Eigen::Vector3d(0, 0.7, 0));
@@ -185,7 +185,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Error(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Error(i, kEdgeShift) + 1], 0.7);
     EXPECT_EQ(sigmas[layout.ErrorsOfSensor(i) + kTiltColumns], i == 0 ? 0.003 : 1e-6);
-    EXPECT_NEAR(sigmas[layout.ErrorsOfSensor(i) + kBounced], i == 0 ? 0.00462 : 1e-6, 1e-5)
+    EXPECT_NEAR(sigmas[layout.ErrorsOfSensor(i) + kDiffuseMultipath], i == 0 ? 0.00462 : 1e-6, 1e-5)
         << "root mean square of what lies evenly within twice the mean";
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
@@ -248,7 +248,7 @@ namespace {
 using testing_infer::PaperStructure;
 using testing_infer::RingPose;
 
-/// Two sensors in two stills, the second in the second only, and boxes that stand anywhere. The
+/// Two sensors in two captures, the second in the second only, and boxes that stand anywhere. The
 /// third frame is held.
 struct Handmade {
   Structure structure = PaperStructure();
@@ -268,8 +268,8 @@ struct Handmade {
     const JointProblem problem = Problem();
     solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,
                                   {Pose::Identity(), placement});
-    for (std::vector<double>& still : solution.state.boxes) {
-      for (double& value : still) value = 0.001 * next_++;
+    for (std::vector<double>& capture : solution.state.boxes) {
+      for (double& value : capture) value = 0.001 * next_++;
     }
     solution.state.UpdateBuilt(problem.model);
     solution.free.boxes = true;
@@ -287,7 +287,7 @@ Pose SensorFromBox(const State& state, std::size_t frame, std::size_t box) {
 }
 
 Pose FirstFromSensor(const State& state, std::size_t frame) {
-  return state.placements[state.StillOf(frame)].ToPose() * state.poses[frame].ToPose();
+  return state.placements[state.EvaluationCaptureOf(frame)].ToPose() * state.poses[frame].ToPose();
 }
 
 TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
@@ -295,18 +295,19 @@ TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
   const State before = made.solution.state;
   CentreBoxes(made.Problem(), &made.solution);
   const State& after = made.solution.state;
-  for (std::size_t still = 0; still < 2; ++still) {
+  for (std::size_t capture = 0; capture < 2; ++capture) {
     double x = 0, z = 0;
     for (int b = 0; b < 4; ++b) {
       const auto k = static_cast<std::size_t>(b);
       const auto at = [&](const State& state, int parameter) {
-        return state.boxes[still][static_cast<std::size_t>(parameter)];
+        return state.boxes[capture][static_cast<std::size_t>(parameter)];
       };
       EXPECT_EQ(at(after, BuildModel::Yaw(b)), at(before, BuildModel::Yaw(b)));
       x += at(after, BuildModel::X(b));
       z += at(after, BuildModel::Z(b));
-      EXPECT_TRUE(SensorFromBox(after, still, k).isApprox(SensorFromBox(before, still, k), 1e-12))
-          << still << " " << b;
+      EXPECT_TRUE(
+          SensorFromBox(after, capture, k).isApprox(SensorFromBox(before, capture, k), 1e-12))
+          << capture << " " << b;
     }
     EXPECT_NEAR(x, 0, 1e-15);
     EXPECT_NEAR(z, 0, 1e-15);

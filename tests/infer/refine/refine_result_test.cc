@@ -16,7 +16,7 @@ using testing_infer::RingPose;
 
 /// Two sensors that see the stack in two places, of it the same picture, with a posterior in which
 /// everything is correlated with everything.
-struct TwoStills {
+struct TwoCaptures {
   testing_infer::Neighbours neighbours;
   std::vector<FrameInput> frames;
   RefineOptions options;
@@ -27,14 +27,14 @@ struct TwoStills {
   Posterior posterior;
   std::vector<char> unsolved = std::vector<char>(4, 0);
 
-  TwoStills() {
+  TwoCaptures() {
     placements[1].linear() = RotationExp({0, 0.6, 0});
     lenses[0].sensor = "kind";
     lenses[0].prior_sigmas = Eigen::Vector3d::Constant(0.01);
     for (int i = 0; i < 4; ++i) {
       FrameInput frame = neighbours.frames[static_cast<std::size_t>(i % 2)];
       frame.sensor = i % 2;
-      frame.still = i / 2;
+      frame.capture = i / 2;
       frame.lens = i % 2 == 0 ? 0 : -1;
       frames.push_back(frame);
     }
@@ -80,7 +80,7 @@ struct TwoStills {
 };
 
 TEST(MakeResult, FramesAreTheStates) {
-  TwoStills two;
+  TwoCaptures two;
   two.agreed.solution.held[2] = 1;
   const State& state = two.agreed.solution.state;
   const RefineResult result = two.Result();
@@ -101,7 +101,7 @@ TEST(MakeResult, FramesAreTheStates) {
 }
 
 TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
-  TwoStills two;
+  TwoCaptures two;
   FreeSet& free = two.agreed.solution.free;
   free.offset = free.gain = free.size = false;
   const RefineResult result = two.Result();
@@ -115,7 +115,7 @@ TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
 }
 
 TEST(MakeResult, NumbersThatFailedAreNamed) {
-  TwoStills two;
+  TwoCaptures two;
   two.unsolved[1] = 1;
   EXPECT_NE(two.Result().frames[1].problem.find("not finite"), std::string::npos);
   EXPECT_EQ(two.Result().frames[0].problem, "");
@@ -125,8 +125,8 @@ TEST(MakeResult, NumbersThatFailedAreNamed) {
 
 // Poses and placements are drawn from the posterior together; how the frames' poses in the first
 // still scatter is their covariance. 20,000 draws tell a variance to 1 %.
-TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
-  const TwoStills two;
+TEST(MakeResult, CovarianceInTheFirstCaptureIsThatOfTheProduct) {
+  const TwoCaptures two;
   const RefineResult result = two.Result();
   const ParameterLayout& layout = two.problem->layout;
   for (const std::size_t i : {0, 3}) {
@@ -166,7 +166,7 @@ TEST(MakeResult, CovarianceInTheFirstStillIsThatOfTheProduct) {
 
 // What a frame that disagrees reports is its own, whatever the joint solution has.
 TEST(MakeResult, AnExcludedFrameKeepsItsOwn) {
-  TwoStills two;
+  TwoCaptures two;
   two.agreed.solution.held[1] = 1;
   ExcludedFrame excluded;
   excluded.together = RingPose(77);
@@ -189,7 +189,7 @@ TEST(MakeResult, AnExcludedFrameKeepsItsOwn) {
 }
 
 TEST(MakeResult, PlacementsBoxesSizeAndLens) {
-  TwoStills two;
+  TwoCaptures two;
   State& state = two.agreed.solution.state;
   state.boxes[1][static_cast<std::size_t>(BuildModel::X(2))] = 0.005;
   state.boxes[1][static_cast<std::size_t>(BuildModel::Z(2))] = -0.003;
@@ -215,7 +215,7 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
   two.agreed.solution.observed[3].faces = {face};
   EXPECT_TRUE(two.Result().placements[1].boxes[2].estimated);
   EXPECT_FALSE(two.Result().placements[1].boxes[1].estimated);
-  EXPECT_FALSE(two.Result().placements[0].boxes[2].estimated) << "another still";
+  EXPECT_FALSE(two.Result().placements[0].boxes[2].estimated) << "another capture";
 
   EXPECT_TRUE(result.size_estimated);
   EXPECT_NEAR(result.size_scale, 1.004, 1e-12);
@@ -230,14 +230,14 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
 }
 
 TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
-  TwoStills two;
+  TwoCaptures two;
   two.agreed.solution.held.assign(4, 1);
   EXPECT_FALSE(two.Result().size_estimated);
 }
 
-// Both stills show the same: each has the pair of its own frames, alike, and none across.
-TEST(MakeResult, PairsAreOfOneStill) {
-  TwoStills two;
+// Both captures show the same: each has the pair of its own frames, alike, and none across.
+TEST(MakeResult, PairsAreOfOneCapture) {
+  TwoCaptures two;
   two.ForgetDepthErrors();
   const std::vector<RefinedPair> pairs = two.Result().pairs;
   ASSERT_EQ(pairs.size(), 2u);
@@ -250,7 +250,7 @@ TEST(MakeResult, PairsAreOfOneStill) {
 // What two frames of the joint solution err by alike does not move them against each other; one
 // that is not of it errs by itself.
 TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
-  TwoStills two;
+  TwoCaptures two;
   two.ForgetDepthErrors();
   Eigen::MatrixXd difference = Eigen::MatrixXd::Zero(6, two.problem->layout.size());
   difference.middleCols<6>(two.problem->layout.Pose(3)).setIdentity();
@@ -266,7 +266,7 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
 
 // Clouds that the same shift of one sensor moves apart, if all that is uncertain is that shift.
 TEST(MakeResult, PredictsHowFarApartCloudsAre) {
-  TwoStills two;
+  TwoCaptures two;
   State& state = two.agreed.solution.state;
   two.ForgetDepthErrors();
   for (FrameObservations& observed : two.agreed.solution.observed)
@@ -286,7 +286,7 @@ TEST(MakeResult, PredictsHowFarApartCloudsAre) {
     squares += one * one;
   }
   EXPECT_NEAR(std::sqrt(squares), 0.01, 1e-9) << "normals are of length 1";
-  EXPECT_NEAR(predict(layout.Pose(0), 0.01), 0, 1e-12) << "of another still";
+  EXPECT_NEAR(predict(layout.Pose(0), 0.01), 0, 1e-12) << "of another capture";
   const double offset = predict(layout.Offset(2), 0.01);
   EXPECT_GT(offset, 0.004);
   EXPECT_LT(offset, 0.01 * 1.5) << "along rays up to 45 deg off the axis";

@@ -178,7 +178,7 @@ TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
 
 // Depths of two sensors: light that bounces adds 4 mm times its share to those of one and nothing
 // to those of the other, and a side that both see bulges by 3 mm.
-TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
+TEST(Solve, TellsMultipathAndBulgesFromPoses) {
   const Neighbours made;
   const Structure& structure = made.rig.structure;
   RefineOptions options;
@@ -203,9 +203,10 @@ TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
       const Eigen::Vector3d normal = made.poses[i].linear().transpose() * side.normal;
       face.by_errors.setZero();
       face.by_errors.head<kFrameErrors>() = FrameErrorsAt(errors, face.p, normal);
-      face.by_errors[kBounced] = BouncedShare(structure, side, made.poses[i] * face.p,
-                                              made.poses[i].translation(), errors.bounce_reach_m);
-      const double share = face.by_errors[kBounced];
+      face.by_errors[kDiffuseMultipath] =
+          DiffuseMultipathShare(structure, side, made.poses[i] * face.p,
+                                made.poses[i].translation(), errors.bounce_reach_m);
+      const double share = face.by_errors[kDiffuseMultipath];
       if (face.label == bulging) face.p += kBulge * face.bulge / normal.dot(face.p) * face.p;
       if (i == 0) face.p *= 1 + kBounce * share / face.p.z();
     }
@@ -214,8 +215,8 @@ TEST(Solve, TellsBouncedLightAndBulgesFromPoses) {
     solution.observed.push_back(std::move(observed));
   }
   ASSERT_TRUE(Solve(problem, &solution));
-  EXPECT_NEAR(solution.state.errors[0][kBounced], -kBounce, 0.1 * kBounce);
-  EXPECT_NEAR(solution.state.errors[1][kBounced], 0, 0.1 * kBounce);
+  EXPECT_NEAR(solution.state.errors[0][kDiffuseMultipath], -kBounce, 0.1 * kBounce);
+  EXPECT_NEAR(solution.state.errors[1][kDiffuseMultipath], 0, 0.1 * kBounce);
   for (int label = 1; label < structure.num_classes(); ++label) {
     EXPECT_NEAR(solution.state.bulges[0][static_cast<std::size_t>(BuildModel::Bulge(label))],
                 label == bulging ? kBulge : 0, 0.2 * kBulge)
@@ -237,7 +238,7 @@ TEST(HoldFrame, LeavesNoErrors) {
   }
   HoldFrame(problem, 0, &solution);
   EXPECT_TRUE(solution.state.errors[0].isZero());
-  EXPECT_EQ(solution.state.errors[1][kBounced], 0.001) << "another frame";
+  EXPECT_EQ(solution.state.errors[1][kDiffuseMultipath], 0.001) << "another frame";
 }
 
 TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {

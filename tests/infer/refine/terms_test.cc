@@ -172,15 +172,15 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
 }
 
 // Where the depth of a point has bounced light, what two frames share says something of it.
-TEST(ComputeNormalEquations, OverlapTellsBouncedLight) {
+TEST(ComputeNormalEquations, OverlapTellsMultipath) {
   const TwoSensors two(Strip(true, 2), Strip(true, 2));
   const JointProblem problem = two.Problem();
   Solution solution{AskedFor({}, problem.priors, 2), two.state, {}, {0, 0}};
   solution.observed = testing_infer::TwoFrames();
   solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
   const auto told = [&](double share) {
-    for (PairMatch& match : solution.overlaps.at(0).of_a) match.bounced_point = share;
-    const Eigen::Index column = problem.layout.ErrorsOfSensor(0) + kBounced;
+    for (PairMatch& match : solution.overlaps.at(0).of_a) match.multipath_point = share;
+    const Eigen::Index column = problem.layout.ErrorsOfSensor(0) + kDiffuseMultipath;
     return ComputeNormalEquations(problem, solution).information(column, column);
   };
   const double nothing = told(0), all = told(1) - nothing;
@@ -767,7 +767,7 @@ TEST(SetCovariance, IsThatOfItsParts) {
   observed.noise.depth.smooth_rad = 0.1;
   observed.noise.edge = 1.5;
   observed.noise.line = 0.003;
-  observed.faces[3].aside_rad = 0.0027;
+  observed.faces[3].lateral_sigma_rad = 0.0027;
   SetCovariance(model, pose, &observed);
   const Eigen::MatrixXd faces = observed.face_root * observed.face_root.transpose();
   for (std::size_t i = 0; i < observed.faces.size(); ++i) {

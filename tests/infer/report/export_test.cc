@@ -515,18 +515,18 @@ TEST_F(ExportTest, AFolderHoldsTheLastRunsFilesOnly) {
                              "clouds/mine.ply"}));
 }
 
-/// A second still, for which the stack was moved by a metre; blind sees nothing in either.
-CalibrationResult WithSecondStill(const CalibrationResult& result, const Pose& placement) {
+/// A second capture, for which the stack was moved by a metre; blind sees nothing in either.
+CalibrationResult WithSecondCapture(const CalibrationResult& result, const Pose& placement) {
   CalibrationResult both = result;
   for (const char* name : {"before", "after"}) {
-    StillResult still;
-    still.name = name;
-    still.sensors = result.sensors;
-    still.built = result.built;
-    still.boxes = result.boxes;
-    both.stills.push_back(std::move(still));
+    CaptureResult capture;
+    capture.name = name;
+    capture.sensors = result.sensors;
+    capture.built = result.built;
+    capture.boxes = result.boxes;
+    both.captures.push_back(std::move(capture));
   }
-  StillResult& after = both.stills[1];
+  CaptureResult& after = both.captures[1];
   after.first_from_placement = placement;
   after.covariance = 1e-6 * Matrix6d::Identity();
   for (FrameResult& sensor : after.sensors) {
@@ -539,29 +539,29 @@ CalibrationResult WithSecondStill(const CalibrationResult& result, const Pose& p
   return both;
 }
 
-TEST_F(ExportTest, EachOfSeveralStillsHasFoldersOfItsOwn) {
+TEST_F(ExportTest, EachOfSeveralCapturesHasFoldersOfItsOwn) {
   Pose placement(Eigen::Translation3d(1, 0, 0));
   placement.linear() = RotationExp(Eigen::Vector3d(0, 0.5, 0));
-  const CalibrationResult both = WithSecondStill(result_, placement);
+  const CalibrationResult both = WithSecondCapture(result_, placement);
   const TempFolder folder;
   WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure, {});
   WriteCalibration(ResultFolder(folder.path()), both,
                    {{"before", rig_.frames}, {"after", rig_.frames}}, rig_.structure,
                    {{"a/before.json", "b/after.json"}, "", "", "", UtcNow(), ""}, ReportRun());
-  const auto stills = PayloadOf(ReadFile(folder / "report.html"))["stills"];
-  ASSERT_EQ(stills.size(), 2u);
-  EXPECT_EQ(stills[1]["name"], "after");
-  EXPECT_FALSE(stills[1]["frames"][1].contains("cloud"));  // right, which is not placed there
+  const auto captures = PayloadOf(ReadFile(folder / "report.html"))["stills"];
+  ASSERT_EQ(captures.size(), 2u);
+  EXPECT_EQ(captures[1]["name"], "after");
+  EXPECT_FALSE(captures[1]["frames"][1].contains("cloud"));  // right, which is not placed there
   std::set<std::string> expected = {
       "extrinsics.json",         "report.html",          "rig.glb", "clouds/before/left.ply",
       "clouds/before/right.ply", "clouds/after/left.ply"};
-  for (const std::string still : {"before/", "after/"}) {
+  for (const std::string capture : {"before/", "after/"}) {
     for (const char* name : {"left", "right", "blind"}) {
       for (const std::string kind : {"labels/", "confidence/", "pictures/"})
-        expected.insert(kind + still + name + ".png");
+        expected.insert(kind + capture + name + ".png");
     }
-    expected.insert("pictures/" + still + "overview.png");
-    expected.insert("clouds/" + still + "merged.ply");
+    expected.insert("pictures/" + capture + "overview.png");
+    expected.insert("clouds/" + capture + "merged.ply");
   }
   EXPECT_EQ(Files(folder.path()), expected) << "and none of the run before";
   // The sensor stands in one place: what is near the stack in both is in the same place.

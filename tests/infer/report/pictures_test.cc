@@ -351,7 +351,7 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
   for (const json& node : glb.document["nodes"]) EXPECT_NE(node.value("name", ""), "lost");
 }
 
-TEST(RigGlb, AStillThatNoSensorTellsOfHasNoStack) {
+TEST(RigGlb, ACaptureThatNoSensorTellsOfHasNoStack) {
   const TempFolder folder;
   Extrinsics extrinsics = TwoSensors();
   extrinsics.placements[1].sensors.clear();
@@ -385,16 +385,16 @@ std::vector<Matrix6d> SolvedAtOnce(const std::vector<Matrix6d>& covariances) {
   return after;
 }
 
-TEST(WithSecondStill, IsTheSolutionOfAllEquationsTogether) {
+TEST(WithSecondCapture, IsTheSolutionOfAllEquationsTogether) {
   std::mt19937 random(1);
   std::vector<Matrix6d> covariances;
   for (int i = 0; i < 5; ++i) covariances.push_back(RandomCovariance(&random));
-  const std::vector<Matrix6d> after = WithSecondStill(covariances),
+  const std::vector<Matrix6d> after = WithSecondCapture(covariances),
                               expected = SolvedAtOnce(covariances);
   for (std::size_t i = 0; i < after.size(); ++i)
     EXPECT_LT((after[i] - expected[i]).norm(), 1e-8 * expected[i].norm()) << i;
   // A single sensor cannot tell the stack's second place from its own errors.
-  EXPECT_LT((WithSecondStill({covariances[0]})[0] - covariances[0]).norm(),
+  EXPECT_LT((WithSecondCapture({covariances[0]})[0] - covariances[0]).norm(),
             1e-8 * covariances[0].norm());
 }
 
@@ -418,8 +418,8 @@ TEST(Advise, NamesTheLeastKnownAlsoWhereAllIsOk) {
   EXPECT_TRUE(Has(advice[1], "3.0 mm at best"));
   result.sensors[1].status = SensorStatus::kWeak;
   EXPECT_FALSE(Has(Advise(result)[0], "volalign convert"));
-  result.stills.resize(2);
-  EXPECT_EQ(Advise(result).size(), 1u) << "what a third still would bring is another question";
+  result.captures.resize(2);
+  EXPECT_EQ(Advise(result).size(), 1u) << "what a third capture would bring is another question";
 }
 
 }  // namespace

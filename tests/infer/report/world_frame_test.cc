@@ -144,17 +144,17 @@ const std::vector<Eigen::Vector3d>& Turns() {
 CalibrationResult Captured(const std::vector<Pose>& placements, RandomStream* random) {
   CalibrationResult result;
   for (const Pose& placement : placements) {
-    StillResult still;
-    still.sensors.resize(1);
-    still.sensors[0].structure_from_sensor = Pose::Identity();
-    still.first_from_placement = placement;
-    if (!result.stills.empty()) {
+    CaptureResult capture;
+    capture.sensors.resize(1);
+    capture.sensors[0].structure_from_sensor = Pose::Identity();
+    capture.first_from_placement = placement;
+    if (!result.captures.empty()) {
       Vector6d sigmas;
       sigmas << 0.001, 0.001, 0.001, 5e-4, 5e-4, 5e-4;
-      still.covariance = sigmas.cwiseAbs2().asDiagonal();
-      still.first_from_placement = PerturbLeft(sigmas.cwiseProduct(Normal(random)), placement);
+      capture.covariance = sigmas.cwiseAbs2().asDiagonal();
+      capture.first_from_placement = PerturbLeft(sigmas.cwiseProduct(Normal(random)), placement);
     }
-    result.stills.push_back(std::move(still));
+    result.captures.push_back(std::move(capture));
   }
   return result;
 }
@@ -178,7 +178,7 @@ TEST(WorldFrame, CarriersThatDoNotServe) {
   RandomStream random(3, 0, "arm");
   const Arm arm(Turns(), 0, 0, &random);
   CalibrationResult result = Captured(arm.first_from_placement, &random);
-  result.stills.pop_back();
+  result.captures.pop_back();
   ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },
                            {"5 poses", "4 captures"});
   const Arm upright({{0, 0, 0}, {0, 1, 0}, {0, 2, 0}, {0, -1, 0}}, 0, 0, &random);
@@ -189,7 +189,7 @@ TEST(WorldFrame, CarriersThatDoNotServe) {
       },
       {"two axes"});
   result = Captured(arm.first_from_placement, &random);
-  for (const std::size_t i : {1, 2, 4}) result.stills[i].sensors[0].structure_from_sensor.reset();
+  for (const std::size_t i : {1, 2, 4}) result.captures[i].sensors[0].structure_from_sensor.reset();
   ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },
                            {"three captures"});
 }
@@ -199,7 +199,7 @@ TEST(WorldFrame, OfRenderedFrames) {
   RandomStream random(4, 0, "arm");
   const Arm arm({Turns().begin(), Turns().end() - 1}, 0.0005, 0.02, &random);
   StoredSegmenter segmenter;
-  std::vector<Still> stills;
+  std::vector<Capture> captures;
   for (std::size_t s = 0; s < arm.first_from_placement.size(); ++s) {
     const Pose& placement = arm.first_from_placement[s];
     Rig rig{PaperStructure(), {}, {}};
@@ -210,9 +210,9 @@ TEST(WorldFrame, OfRenderedFrames) {
       AddSmoothError(&rig.frames[i].depth, 0.002, 25, 10 * s + i);
       segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
     }
-    stills.push_back({"capture " + std::to_string(s), rig.frames});
+    captures.push_back({"capture " + std::to_string(s), rig.frames});
   }
-  const CalibrationResult result = Calibrate(stills, PaperStructure(), segmenter, {});
+  const CalibrationResult result = Calibrate(captures, PaperStructure(), segmenter, {});
   const WorldFrame world = FindWorldFrame(arm.observation, result, PaperStructure());
   EXPECT_TRUE(Within(ComparePoses(world.world_from_structure, RobotFromStructure()), 0.004, 0.15));
   EXPECT_TRUE(Within(ComparePoses(*world.carrier_from_structure, HandFromStructure()), 0.004, 0.2));

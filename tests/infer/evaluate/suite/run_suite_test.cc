@@ -138,19 +138,19 @@ class Scores : public testing::Test {
   Scores() {
     Rig rig{PaperStructure(), {}, {}};
     for (const double phi : {20.0, 140.0}) rig.Add(RingPose(phi), {}, Kinect().Resized(80, 72));
-    still_.still.structure = rig.structure;
-    still_.still.frames = rig.frames;
-    still_.still.labels = rig.labels;
+    capture_.capture.structure = rig.structure;
+    capture_.capture.frames = rig.frames;
+    capture_.capture.labels = rig.labels;
     for (const SensorFrame& frame : rig.frames)
-      still_.views.push_back(MakeSensorView(frame, frame.intrinsics));
+      capture_.views.push_back(MakeSensorView(frame, frame.intrinsics));
     const Pose truth = *rig.frames[0].ground_truth;
     result_.labels = rig.labels;
     result_.initial = {truth, std::nullopt};
     result_.graph = FramePoses{Eigen::Translation3d(kOff, 0, 0) * truth, std::nullopt};
   }
-  CaptureScores Score() const { return ScoreCapture(still_, result_, kMinPixels); }
+  CaptureScores Score() const { return ScoreCapture(capture_, result_, kMinPixels); }
 
-  SuiteStill still_;
+  SuiteCapture capture_;
   MethodResult result_;
 };
 
@@ -188,7 +188,7 @@ TEST_F(Scores, PointsAreThoseOnTheStructureWhateverTheMethodLabelled) {
   EXPECT_EQ(blind.stages[0].d1_m, right.stages[0].d1_m);
   EXPECT_LT(blind.views[0].miou_of_truth.value(), 0.2);
   // Of a recording, whose labels nobody knows, those that it labelled: none.
-  still_.still.labels.clear();
+  capture_.capture.labels.clear();
   const CaptureScores recording = Score();
   EXPECT_FALSE(recording.stages[0].d1_m);
   EXPECT_FALSE(recording.views[0].miou_of_truth);
@@ -197,12 +197,12 @@ TEST_F(Scores, PointsAreThoseOnTheStructureWhateverTheMethodLabelled) {
   const CaptureScores without = Score();
   EXPECT_FALSE(without.views[0].stages[0].labels || without.views[0].floor);
   EXPECT_TRUE(without.views[0].stages[0].error);
-  for (SensorFrame& frame : still_.still.frames) frame.ground_truth.reset();
+  for (SensorFrame& frame : capture_.capture.frames) frame.ground_truth.reset();
   EXPECT_FALSE(Score().views[0].stages[0].error);
 }
 
 TEST_F(Scores, ErrorsAreInTheFrameWhereTheBoxesDisplacementsAverageOut) {
-  still_.still.nominal_from_built = Pose(Eigen::Translation3d(kOff, 0, 0));
+  capture_.capture.nominal_from_built = Pose(Eigen::Translation3d(kOff, 0, 0));
   const CaptureScores scores = Score();
   EXPECT_NEAR(scores.views[0].stages[0].error.value().translation_m, kOff, 1e-9);
   EXPECT_LT(scores.views[0].stages[1].error.value().translation_m, 1e-9);
@@ -229,8 +229,8 @@ TEST_F(Scores, ComeBackFromTheirFile) {
   EXPECT_THROW(ReadScores(folder.Write("other.json", "{}")), DataError);
 }
 
-CaptureScores Capture(const std::string& set_up, const std::string& method, double d1,
-                      const std::vector<double>& miou) {
+CaptureScores ScoresOf(const std::string& set_up, const std::string& method, double d1,
+                       const std::vector<double>& miou) {
   CaptureScores capture;
   capture.dataset = "arc";
   capture.set_up = set_up;
@@ -277,8 +277,8 @@ SuiteConfig Suite() {
 }
 
 std::vector<CaptureScores> SomeScores() {
-  return {Capture("near", "a", 0.02, {0.5, 0.7}), Capture("far", "a", 0.04, {0.9}),
-          Capture("far", "b", 0.06, {0.8})};
+  return {ScoresOf("near", "a", 0.02, {0.5, 0.7}), ScoresOf("far", "a", 0.04, {0.9}),
+          ScoresOf("far", "b", 0.06, {0.8})};
 }
 
 TEST(TableData, CellsAreThoseOfTheirCapturesAndViews) {

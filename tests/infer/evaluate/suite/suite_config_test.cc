@@ -162,15 +162,15 @@ TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
 TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
   const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
   WorkerRenderer renderer(TileRenderers());
-  const SuiteStill first = LoadSuiteStill(items[0], SuiteConfig(), renderer);
-  ASSERT_EQ(first.still.frames.size(), 2u);
+  const SuiteCapture first = LoadSuiteCapture(items[0], SuiteConfig(), renderer);
+  ASSERT_EQ(first.capture.frames.size(), 2u);
   ASSERT_EQ(first.views.size(), 2u);
   EXPECT_TRUE(first.infrared.empty());
   for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(first.views[i].depth, first.still.frames[i].depth);
-    EXPECT_TRUE(first.still.frames[i].ground_truth);
+    EXPECT_EQ(first.views[i].depth, first.capture.frames[i].depth);
+    EXPECT_TRUE(first.capture.frames[i].ground_truth);
   }
-  const SuiteStill third = LoadSuiteStill(items[2], SuiteConfig(), renderer);
+  const SuiteCapture third = LoadSuiteCapture(items[2], SuiteConfig(), renderer);
   EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
 }
 
@@ -263,21 +263,21 @@ TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
 }
 
 TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
-  SuiteStill still;
+  SuiteCapture capture;
   DepthImage depth(4, 3, 2.0F);
   depth(1, 1) = 0;
-  still.views = {MakeSensorView(depth, Kinect().Resized(4, 3))};
+  capture.views = {MakeSensorView(depth, Kinect().Resized(4, 3))};
   MethodResult result;
   result.initial = {Pose::Identity()};
   result.statistical = FramePoses{Pose(Eigen::Translation3d(1, 0, 0))};
   result.corrections = {{1.01, -0.004}};
   ASSERT_EQ(PosesAt(PoseStage::kCorrected, result), PosesAt(PoseStage::kStatistical, result));
-  const std::vector<SensorView> corrected = ViewsAt(PoseStage::kCorrected, still, result);
+  const std::vector<SensorView> corrected = ViewsAt(PoseStage::kCorrected, capture, result);
   ASSERT_EQ(corrected.size(), 1u);
   EXPECT_NEAR(corrected[0].depth(0, 0), 1.01 * 2 - 0.004, 1e-6);
   EXPECT_EQ(corrected[0].depth(1, 1), 0);  // nothing was measured there
   for (const PoseStage stage : {PoseStage::kInitial, PoseStage::kStatistical})
-    EXPECT_EQ(ViewsAt(stage, still, result)[0].depth, depth);
+    EXPECT_EQ(ViewsAt(stage, capture, result)[0].depth, depth);
 }
 
 TEST(Stages, AreThoseThatTheMethodHas) {
@@ -292,11 +292,11 @@ TEST(Stages, AreThoseThatTheMethodHas) {
 }
 
 TEST(RunMethod, MarkersWantInfraredPictures) {
-  SuiteStill still;
-  still.views = {MakeSensorView(DepthImage(4, 3, 2.0F), Kinect().Resized(4, 3))};
+  SuiteCapture capture;
+  capture.views = {MakeSensorView(DepthImage(4, 3, 2.0F), Kinect().Resized(4, 3))};
   SuiteMethod markers;
   markers.kind = MethodKind::kMarkers;
-  ExpectError<Error>([&] { RunMethod(markers, still, nullptr, SuiteConfig(), 1); }, {"infrared"});
+  ExpectError<Error>([&] { RunMethod(markers, capture, nullptr, SuiteConfig(), 1); }, {"infrared"});
 }
 
 // The paper's poses, from the labels that it is given, are some centimetres off, since centroids of
@@ -304,15 +304,15 @@ TEST(RunMethod, MarkersWantInfraredPictures) {
 TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
   const Rig rig = ThreeSensors();
   StoredSegmenter segmenter = rig.PerfectSegmenter();
-  SuiteStill still;
-  still.still.structure = rig.structure;
-  still.still.frames = rig.frames;
+  SuiteCapture capture;
+  capture.evaluation.structure = rig.structure;
+  capture.evaluation.frames = rig.frames;
   for (const SensorFrame& frame : rig.frames)
-    still.views.push_back(MakeSensorView(frame.depth, frame.intrinsics));
+    capture.views.push_back(MakeSensorView(frame.depth, frame.intrinsics));
   SuiteMethod method;
   method.kind = MethodKind::kNetwork;
   method.statistical = true;
-  const MethodResult result = RunMethod(method, still, &segmenter, SuiteConfig(), 1);
+  const MethodResult result = RunMethod(method, capture, &segmenter, SuiteConfig(), 1);
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
     ASSERT_TRUE(result.initial[i] && (*result.statistical)[i]) << i;
     const Pose& truth = *rig.frames[i].ground_truth;

@@ -158,7 +158,7 @@ TEST(AlternativeJson, ShowsTheSensorsThatStandElsewhere) {
   EXPECT_EQ(AlternativeJson(alternative, sensors, sensors, structure,
                             Pose::Identity())["frames"][0]["outlines_differ"],
             0);
-  // In another still's structure the pose is another one.
+  // In another capture's structure the pose is another one.
   const Pose moved(Eigen::Translation3d(1, 0, 0));
   alternative.sensors = {{"S1", 2, moved * at}};
   EXPECT_NEAR(AlternativeJson(alternative, sensors, sensors, structure,
