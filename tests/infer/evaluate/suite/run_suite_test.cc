@@ -138,9 +138,9 @@ class Scores : public testing::Test {
   Scores() {
     Rig rig{PaperStructure(), {}, {}};
     for (const double phi : {20.0, 140.0}) rig.Add(RingPose(phi), {}, Kinect().Resized(80, 72));
-    capture_.capture.structure = rig.structure;
-    capture_.capture.frames = rig.frames;
-    capture_.capture.labels = rig.labels;
+    capture_.evaluation.structure = rig.structure;
+    capture_.evaluation.frames = rig.frames;
+    capture_.evaluation.labels = rig.labels;
     for (const SensorFrame& frame : rig.frames)
       capture_.views.push_back(MakeSensorView(frame, frame.intrinsics));
     const Pose truth = *rig.frames[0].ground_truth;
@@ -188,7 +188,7 @@ TEST_F(Scores, PointsAreThoseOnTheStructureWhateverTheMethodLabelled) {
   EXPECT_EQ(blind.stages[0].d1_m, right.stages[0].d1_m);
   EXPECT_LT(blind.views[0].miou_of_truth.value(), 0.2);
   // Of a recording, whose labels nobody knows, those that it labelled: none.
-  capture_.capture.labels.clear();
+  capture_.evaluation.labels.clear();
   const CaptureScores recording = Score();
   EXPECT_FALSE(recording.stages[0].d1_m);
   EXPECT_FALSE(recording.views[0].miou_of_truth);
@@ -197,12 +197,12 @@ TEST_F(Scores, PointsAreThoseOnTheStructureWhateverTheMethodLabelled) {
   const CaptureScores without = Score();
   EXPECT_FALSE(without.views[0].stages[0].labels || without.views[0].floor);
   EXPECT_TRUE(without.views[0].stages[0].error);
-  for (SensorFrame& frame : capture_.capture.frames) frame.ground_truth.reset();
+  for (SensorFrame& frame : capture_.evaluation.frames) frame.ground_truth.reset();
   EXPECT_FALSE(Score().views[0].stages[0].error);
 }
 
 TEST_F(Scores, ErrorsAreInTheFrameWhereTheBoxesDisplacementsAverageOut) {
-  capture_.capture.nominal_from_built = Pose(Eigen::Translation3d(kOff, 0, 0));
+  capture_.evaluation.nominal_from_built = Pose(Eigen::Translation3d(kOff, 0, 0));
   const CaptureScores scores = Score();
   EXPECT_NEAR(scores.views[0].stages[0].error.value().translation_m, kOff, 1e-9);
   EXPECT_LT(scores.views[0].stages[1].error.value().translation_m, 1e-9);

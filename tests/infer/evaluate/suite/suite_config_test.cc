@@ -163,12 +163,12 @@ TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
   const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
   WorkerRenderer renderer(TileRenderers());
   const SuiteCapture first = LoadSuiteCapture(items[0], SuiteConfig(), renderer);
-  ASSERT_EQ(first.capture.frames.size(), 2u);
+  ASSERT_EQ(first.evaluation.frames.size(), 2u);
   ASSERT_EQ(first.views.size(), 2u);
   EXPECT_TRUE(first.infrared.empty());
   for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(first.views[i].depth, first.capture.frames[i].depth);
-    EXPECT_TRUE(first.capture.frames[i].ground_truth);
+    EXPECT_EQ(first.views[i].depth, first.evaluation.frames[i].depth);
+    EXPECT_TRUE(first.evaluation.frames[i].ground_truth);
   }
   const SuiteCapture third = LoadSuiteCapture(items[2], SuiteConfig(), renderer);
   EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
