@@ -178,7 +178,7 @@ void AddConvert(py::module_& module) {
           .c_str());
   module.def("read_poses", &Read, py::arg("path"), py::arg("format") = "volalign", py::kw_only(),
              py::arg("colour_cameras") = ColourFiles(),
-             ("SensorPose by name, of a file or folder of any of pose_formats. " + colour +
+             ("SensorPose by name, of a file or folder of a format that can be read. " + colour +
               "Raises ConfigError, DataError, IoError.")
                  .c_str());
   module.def(
