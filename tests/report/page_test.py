@@ -351,7 +351,7 @@ class ReportPage(unittest.TestCase):
         report["twins"] = [{"from_above": report["from_above"], "frames": shown}, {"from_above": report["from_above"], "frames": []}]
         page = self.open_with(report, "alternatives.html")
         text = page.evaluate("document.querySelector('#alternatives').innerText")
-        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "look at that of S2 first", "30 %", "1 set of poses that fit less well was rejected, with odds from over 1000 : 1 on"):
+        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "Look first at the picture of S2", "30 %", "1 set of poses that fit less well was rejected, with odds from over 1000 : 1 on"):
             self.assertIn(part, text)
         self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives svg').length"), 2)
         self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives img').length"), 4)
