@@ -51,6 +51,10 @@ int RunConvert(const ConvertOptions& options) {
   WorldChoice world = options.world;
   world.colour = options.camera == "colour";
   world.raw = options.poses_for == "raw";
+  if (world.raw && from != PoseFormat::kVolalign) {
+    throw ConfigError(
+        "--poses-for raw needs an extrinsics.json: other files do not say where the structure is");
+  }
   if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
   world.world = ReadWorld(options.input, from);
   std::vector<std::string> notes;

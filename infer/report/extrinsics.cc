@@ -267,6 +267,7 @@ namespace {
 void RequirePlainNames(const Extrinsics& extrinsics, const std::filesystem::path& path) {
   for (const Extrinsics::Sensor& sensor : extrinsics.sensors)
     RequirePlainName(sensor.name, path.string());
+  if (extrinsics.world) RequirePlainName(extrinsics.world->name, path.string());
 }
 
 }  // namespace

@@ -167,7 +167,7 @@ std::pair<Pose, FileFrame> GivenWorld(const WorldFrame& world, const std::string
   return {file_from_world * world.world_from_structure,
           {turned ? fmt::format("frame of {}, turned so that {} is up", world.name, fixed)
                   : "frame of " + world.name,
-           world.name, colour}};
+           turned ? fmt::format("{}_{}_up", world.name, fixed) : world.name, colour}};
 }
 
 /// p_world = T p_structure, and the file's description of the world.
@@ -380,12 +380,22 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
   std::vector<SensorPose> cameras = choice.colour ? ColourPoses(poses) : poses;
   const std::string raw_note = choice.raw ? TurnIntoRaw(&cameras) : "";
   auto [world_from_structure, frame] = WorldOf(format, cameras, choice);
-  if (!choice.frame.empty()) frame.name = choice.frame;
+  if (!choice.frame.empty()) {
+    RequirePlainName(choice.frame, "--frame");
+    frame.name = choice.frame;
+  }
+  for (const SensorPose& camera : cameras) {
+    if (frame.name.rfind(camera.name + "_", 0) == 0 && frame.name.size() > camera.name.size() &&
+        frame.name.find("_optical_frame", camera.name.size()) != std::string::npos)
+      throw ConfigError(fmt::format("the frame \"{}\" is that of a sensor", frame.name));
+  }
   for (SensorPose& camera : cameras)
     camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
   std::vector<std::string> notes = CheckPlace(format, cameras);
   const std::string note = choice.raw ? raw_note : DepthNote(format, poses, choice.colour);
   if (!note.empty()) notes.push_back(note);
+  if (choice.world && (choice.origin.empty() || choice.origin == "world"))
+    notes.push_back("the poses are in the frame of " + choice.world->name);
   if (!IsFolder(format)) {
     WriteFileAtomically(path, FormatOf(format).write(cameras, frame));
     return notes;

@@ -50,6 +50,7 @@ void Describe(Archive& ar, WorldObservation& world) {
 WorldObservation ReadWorldObservation(const std::filesystem::path& path) {
   auto world = ReadDescribed<WorldObservation>(ReadFile(path, kMaxResultBytes), path.string());
   RequirePlainName(world.name, path.string());
+  if (world.name.empty()) throw DataError(fmt::format("{}: name is empty", path.string()));
   const int given = (world.world_from_structure ? 1 : 0) + (world.points.empty() ? 0 : 1) +
                     (world.world_from_carrier.empty() ? 0 : 1);
   if (given != 1) {
@@ -134,7 +135,7 @@ struct Carried {
 
 /// X of C_i X = W T_i by the motions between all pairs of captures.
 Pose CarrierFromStructure(const std::vector<Carried>& captures) {
-  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero(), axes = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
   std::vector<std::pair<Pose, Pose>> motions;  // of the carrier, of the structure
   for (std::size_t i = 0; i < captures.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
@@ -142,18 +143,16 @@ Pose CarrierFromStructure(const std::vector<Carried>& captures) {
       const Pose b = captures[i].first_from_placement.inverse() * captures[j].first_from_placement;
       const Eigen::Vector3d of_a = RotationLog(a.linear()), of_b = RotationLog(b.linear());
       if (of_a.norm() < kMostTurn && of_b.norm() < kMostTurn) turns += of_a * of_b.transpose();
-      axes += of_a * of_a.transpose() / kDegree / kDegree;
       motions.emplace_back(a, b);
     }
   }
-  axes /= static_cast<double>(motions.size());
-  const Eigen::Vector3d spread = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(axes).eigenvalues();
-  if (!(spread[1] > kLeastTurn * kLeastTurn)) {
-    throw ConfigError(
-        "--world: the carrier has to be turned about two axes, by 10 degrees or more, between the "
-        "captures; turns about one axis do not tell where it holds the structure");
-  }
+  turns /= kDegree * kDegree * static_cast<double>(motions.size());
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  if (!(svd.singularValues()[1] > kLeastTurn * kLeastTurn)) {
+    throw ConfigError(
+        "--world: the carrier has to be turned about two axes, by 10 to 170 degrees, between the "
+        "captures. Other turns do not show where it holds the structure");
+  }
   Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant());
   Pose x = Pose::Identity();
   x.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
@@ -245,6 +244,23 @@ WorldFrame FromCarrier(const WorldObservation& observation, const CalibrationRes
 
 }  // namespace
 
+namespace {
+
+/// Throws ConfigError if the observation contradicts the structure or itself.
+void RequireFit(const WorldFrame& world, double sigma_m) {
+  constexpr double kMostOff = 0.03;  // m, beside ten standard deviations
+  if (world.rms_m && !(*world.rms_m < kMostOff + 10 * sigma_m)) {
+    throw ConfigError(fmt::format(
+        "--world: its positions are {:.3g} m (RMS) from where they should be. Check that they are "
+        "in metres, in a right-handed frame, and of the right corners or captures",
+        *world.rms_m));
+  }
+  if (!world.covariance.allFinite() || !world.world_from_structure.matrix().allFinite())
+    throw ConfigError("--world: its numbers are too large or too small");
+}
+
+}  // namespace
+
 WorldFrame FindWorldFrame(const WorldObservation& observation, const CalibrationResult& result,
                           const Structure& structure) {
   WorldFrame world;
@@ -260,6 +276,7 @@ WorldFrame FindWorldFrame(const WorldObservation& observation, const Calibration
     world.covariance = Adjoint(here) * CovarianceOf(observation) * Adjoint(here).transpose();
   }
   world.name = observation.name;
+  RequireFit(world, observation.sigma_m);
   return world;
 }
 

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -49,6 +50,10 @@ std::string Lacks(const Sensor* sensor, const std::string& when) {
 
 void TurnInto(const Pose& last_from_now, Sensor* sensor) {
   sensor->initial = last_from_now * sensor->initial;
+  if (sensor->colour && sensor->colour->structure_from_colour) {
+    Pose& colour = *sensor->colour->structure_from_colour;
+    colour = last_from_now * colour;
+  }
   if (sensor->together) sensor->together = last_from_now * *sensor->together;
   sensor->structure_from_sensor = last_from_now * *sensor->structure_from_sensor;
 }
@@ -94,7 +99,7 @@ std::string Sentence(const Movements& movements) {
                                          : "something moved, but it is unknown which sensors: no "
                                            "more than half of them agree with each other\n";
   }
-  std::string moved, undecided;
+  std::string moved, undecided, trusted;
   std::size_t stayed = 0;
   double apart_m = 0, apart_deg = 0, found_m = 0, found_deg = 0;
   for (const SensorMovement& sensor : movements.sensors) {
@@ -102,6 +107,8 @@ std::string Sentence(const Movements& movements) {
       moved += (moved.empty() ? "" : "; ") + Moved(sensor);
     } else if (sensor.movement == Movement::kUndecided) {
       undecided += (undecided.empty() ? "" : ", ") + sensor.name;
+    } else if (!std::isfinite(sensor.found_from_m)) {
+      trusted = sensor.name;
     } else {
       ++stayed;
       apart_m = std::max(apart_m, sensor.translation_m);
@@ -112,6 +119,8 @@ std::string Sentence(const Movements& movements) {
   }
   std::string text;
   if (!moved.empty()) text += moved + "; ";
+  if (!trusted.empty())
+    return text + trusted + " is trusted to have stayed: no other sensor can confirm it\n";
   if (!undecided.empty()) {
     text += fmt::format("some of {} moved, but it is unknown which; ", undecided);
   }
@@ -328,6 +337,22 @@ Extrinsics UpdateExtrinsics(const Extrinsics& last, const Extrinsics& now, const
       pair = {pair.a, pair.b, pair.overlap, pair.rms_m, pair.predicted_rms_m};
     }
     out.pairs.push_back(std::move(pair));
+  }
+  const auto is_updated = [&](const SensorAlternative& sensor) {
+    return Contains(updated, sensor.name);
+  };
+  std::vector<RigAlternative>& others = out.alternatives;
+  others.erase(std::remove_if(others.begin(), others.end(),
+                              [&](const RigAlternative& other) {
+                                return std::any_of(other.sensors.begin(), other.sensors.end(),
+                                                   is_updated);
+                              }),
+               others.end());
+  for (RigAlternative other : now.alternatives) {
+    if (!std::all_of(other.sensors.begin(), other.sensors.end(), is_updated)) continue;
+    for (SensorAlternative& sensor : other.sensors)
+      sensor.structure_from_sensor = *movements.last_from_now * sensor.structure_from_sensor;
+    others.push_back(std::move(other));
   }
   out.metrics.reset();
   out.timings_s = now.timings_s;

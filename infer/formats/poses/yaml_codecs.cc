@@ -234,7 +234,7 @@ std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
       "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres. Sensors: x right, y down, z "
       "forward. "
       "-->\n<robot name=\"volalign\">\n  <link name={}/>\n",
-      XmlText(frame.name), frame.world, parent);
+      XmlText(frame.name), XmlText(frame.world), parent);
   for (const SensorPose& pose : poses) {
     const std::string child = XmlQuoted(pose.name + optical);
     const Eigen::Vector3d& t = pose.structure_from_sensor.translation();

@@ -232,6 +232,18 @@ TEST_F(PosesTest, TheWorldMayHaveAName) {
     EXPECT_TRUE(Has(ReadFile(Written(format, world)), "\"robot base\"")) << ToString(format);
 }
 
+TEST_F(PosesTest, TheNameOfTheWorldForgesNothing) {
+  WorldChoice world;
+  world.frame = "x\nimport os";
+  EXPECT_THROW(Written(PoseFormat::kRosLaunch, world), Error);
+  world.frame = "S1_depth_optical_frame";
+  ExpectError<ConfigError>([&] { Written(PoseFormat::kUrdf, world); }, {"that of a sensor"});
+  world.frame = "";
+  world.world.emplace();
+  world.world->name = "a--><x/>";
+  EXPECT_FALSE(Has(ReadFile(Written(PoseFormat::kUrdf, world)), "<x/>"));
+}
+
 // Without a correction, what it would do is in the pose, as far as a pose can do it.
 TEST_F(PosesTest, PosesForRawDepths) {
   WorldChoice world;
@@ -300,7 +312,8 @@ TEST_F(PosesTest, TheWorldOfTheUser) {
       if (z_up && format != PoseFormat::kPoses) q = {q.x(), -q.z(), q.y()};
       EXPECT_LT((q - expected).norm(), 1e-9) << ToString(format) << z_up;
     }
-    EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "frame_id: \"robot base\"",
+    EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kRos, choice)),
+                    z_up ? "frame_id: \"robot base\"" : "frame_id: \"robot base_z_up\"",
                     z_up ? "frame of robot base (REP 103)" : "turned so that z is up"));
     choice.origin = "structure";
     EXPECT_FALSE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "robot base"));

@@ -102,6 +102,9 @@ TEST(WorldFrame, CornersThatDoNotServe) {
   observation.points.push_back(observation.points[0]);
   refused(observation, {"not on one line"});
   observation = good;
+  for (TouchedPoint& point : observation.points) point.xyz_m.x() *= -1;
+  refused(observation, {"right-handed", "metres"});
+  observation = good;
   observation.points[1].box = "lid";
   refused(observation, {"\"lid\""});
   observation.points[1] = good.points[1];
@@ -188,6 +191,14 @@ TEST(WorldFrame, CarriersThatDoNotServe) {
                        PaperStructure());
       },
       {"two axes"});
+  // The axis of half a turn may have either sign.
+  const Arm flipped({{0, 0, 0}, {M_PI, 0, 0}, {0, M_PI, 0}}, 0, 0, &random);
+  ExpectError<ConfigError>(
+      [&] {
+        FindWorldFrame(flipped.observation, Captured(flipped.first_from_placement, &random),
+                       PaperStructure());
+      },
+      {"10 to 170 degrees"});
   result = Captured(arm.first_from_placement, &random);
   for (const std::size_t i : {1, 2, 4}) result.captures[i].sensors[0].structure_from_sensor.reset();
   ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },

@@ -76,8 +76,21 @@ TEST(RigCheck, AReplacedSensorHasTheNewCapturesPoseOrNone) {
   const RigCheck check = CheckRig("last.json", last, now, options);
   EXPECT_TRUE(Has(UpdateSentence(last, now, check), "New poses: S5, S1. ",
                   "No pose in the new capture: S2. ", "poses kept: S3"));
-  const Extrinsics updated = UpdateExtrinsics(last, now, check);
+  EXPECT_TRUE(Has(FormatRigCheck(check), "S3 is trusted to have stayed"));
+  Extrinsics old = last;
+  old.alternatives = {{1, "", {{"S1", 2, Pose::Identity()}}},
+                      {1, "", {{"S0", 2, Pose::Identity()}}}};
+  now.alternatives = {{1, "", {{"S5", 2, Pose::Identity()}}}};
+  now.sensors[0].colour.emplace();
+  now.sensors[0].colour->structure_from_colour = now.sensors[0].structure_from_sensor;
+  const Extrinsics updated = UpdateExtrinsics(old, now, check);
+  ASSERT_EQ(updated.alternatives.size(), 2u);
+  EXPECT_EQ(updated.alternatives[0].sensors[0].name, "S0");
+  EXPECT_EQ(updated.alternatives[1].sensors[0].structure_from_sensor.matrix(),
+            check.movements.last_from_now->matrix());
   ASSERT_EQ(updated.sensors.size(), 6u);
+  EXPECT_EQ(updated.sensors[5].colour->structure_from_colour->matrix(),
+            updated.sensors[5].structure_from_sensor->matrix());
   EXPECT_EQ(updated.sensors[3].structure_from_sensor->matrix(),
             last.sensors[3].structure_from_sensor->matrix());
   EXPECT_FALSE(updated.sensors[2].structure_from_sensor);
