@@ -113,6 +113,8 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
     choice.floor_m = calibrated.structure.FloorHeight();
     choice.world = calibrated.source.world;
   } else {
+    if (choice.raw && from != PoseFormat::kVolalign)
+      throw ConfigError("poses_for = 'raw' needs a Result or an extrinsics.json");
     poses = ReadPoses(PathOf(source), from, cameras);
     if (origin == "floor") choice.floor_m = ReadFloor(PathOf(source), from);
     choice.world = ReadWorld(PathOf(source), from);

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <map>
 #include <set>
 #include <string_view>
 
@@ -31,8 +30,8 @@ struct Format {
   Poses (*read)(const std::string& text, const std::string& name);
   std::string (*write)(const Poses& poses, const FileFrame& frame);
   bool readable = true;
-  std::string_view up =
-      "";  ///< the axis that is up in every file; "" if the format leaves the choice
+  /// The axis that is up in every file; empty if the format leaves the choice.
+  std::string_view up = "";
   bool holds_intrinsics = true, holds_depth = true;  ///< depth: gain and offset
   bool needs_intrinsics = false;
 };
@@ -155,21 +154,6 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
   return colour;
 }
 
-/// The same for the world of --world. `fixed`: the axis that is up in the format.
-std::pair<Pose, FileFrame> GivenWorld(const WorldFrame& world, const std::string& fixed,
-                                      bool colour) {
-  constexpr double kAlong = 0.9;  // least cosine between an axis and the vertical
-  const Eigen::Vector3d up = world.world_from_structure.linear() * Eigen::Vector3d::UnitY();
-  Pose file_from_world = Pose::Identity();
-  if (fixed == "z" && up.y() > kAlong) file_from_world = ZUp();
-  if (fixed == "y" && up.z() > kAlong) file_from_world = ZUp().inverse();
-  const bool turned = !file_from_world.isApprox(Pose::Identity());
-  return {file_from_world * world.world_from_structure,
-          {turned ? fmt::format("frame of {}, turned so that {} is up", world.name, fixed)
-                  : "frame of " + world.name,
-           turned ? fmt::format("{}_{}_up", world.name, fixed) : world.name, colour}};
-}
-
 /// p_world = T p_structure, and the file's description of the world.
 std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
                                    const WorldChoice& choice) {
@@ -181,7 +165,9 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
       throw ConfigError("--origin world: the input has none; `calibrate --world` stores it");
     if (!choice.up.empty())
       throw ConfigError("--up: the world has its own axes; --origin structure has others");
-    return GivenWorld(*choice.world, fixed, choice.colour);
+    const WorldFrame& world = *choice.world;
+    return {world.world_from_structure,
+            {"axes and origin of " + world.name, world.name, choice.colour}};
   }
   if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
     throw ConfigError(
@@ -268,16 +254,13 @@ std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, b
 
 /// The poses that fit uncorrected depths best, and a sentence on what they leave.
 std::string TurnIntoRaw(std::vector<SensorPose>* poses) {
-  std::map<std::string, double> left;
+  const std::string off =
+      Millimetres(*poses, [](const SensorPose& pose) { return PoseForRawDepth(pose).rms; });
   for (SensorPose& pose : *poses) {
-    const RawPose raw = PoseForRawDepth(pose);
-    pose.structure_from_sensor = raw.structure_from_sensor;
+    pose.structure_from_sensor = PoseForRawDepth(pose).target_from_source;
     pose.depth_gain = 1;
     pose.depth_offset_m = 0;
-    left[pose.name] = raw.rms_m;
   }
-  const std::string off =
-      Millimetres(*poses, [&](const SensorPose& pose) { return left.at(pose.name); });
   if (off.empty()) return "";
   return "the poses fit uncorrected depths best. Points within 1 m of the structure are still off "
          "(mm, RMS): " +
@@ -384,14 +367,9 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     RequirePlainName(choice.frame, "--frame");
     frame.name = choice.frame;
   }
-  for (const SensorPose& camera : cameras) {
-    if (frame.name.rfind(camera.name + "_", 0) == 0 && frame.name.size() > camera.name.size() &&
-        frame.name.find("_optical_frame", camera.name.size()) != std::string::npos)
-      throw ConfigError(fmt::format("the frame \"{}\" is that of a sensor", frame.name));
-  }
+  std::vector<std::string> notes = CheckPlace(format, cameras);
   for (SensorPose& camera : cameras)
     camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
-  std::vector<std::string> notes = CheckPlace(format, cameras);
   const std::string note = choice.raw ? raw_note : DepthNote(format, poses, choice.colour);
   if (!note.empty()) notes.push_back(note);
   if (choice.world && (choice.origin.empty() || choice.origin == "world"))

@@ -73,8 +73,7 @@ struct WorldChoice {
   bool raw = false;     ///< poses that fit depths without their correction best
   /// Height of the floor in the structure frame, m; "floor" needs it.
   std::optional<double> floor_m;
-  /// Its axes are taken as they are. A format with a fixed axis gets them turned if that is another
-  /// one.
+  /// Its axes are taken as they are, also in formats with a fixed axis.
   std::optional<WorldFrame> world;
 };
 

@@ -21,7 +21,6 @@ namespace {
 
 constexpr char kWorldFormat[] = "volalign.world/1";
 constexpr int kIterations = 10;
-constexpr double kStep = 1e-6;  // of numeric derivatives, m and rad
 /// Least turns of the carrier, deg, root mean square about the second axis.
 constexpr double kLeastTurn = 5;
 /// rad: the axis of a larger turn may have either sign.
@@ -192,46 +191,39 @@ WorldFrame FromCarrier(const WorldObservation& observation, const CalibrationRes
   }
   Pose x = CarrierFromStructure(captures);
   Pose w = captures[0].world_from_carrier * x * captures[0].first_from_placement.inverse();
-  const auto rows = static_cast<Eigen::Index>(6 * captures.size());
-  const Matrix6d of_carrier = CovarianceOf(observation);
+  const Matrix6d of_carrier = CovarianceOf(observation), turn = Adjoint(w);
   for (Carried& capture : captures) {
-    const Matrix6d turn = Adjoint(w);
     // The carrier's sigmas are of its own position and rotation.
     Pose here = Pose::Identity();
     here.translation() = capture.world_from_carrier.translation();
     capture.covariance = turn * capture.covariance * turn.transpose() +
                          Adjoint(here) * of_carrier * Adjoint(here).transpose();
   }
-  const auto residuals = [&](const Eigen::VectorXd& delta) {
-    Eigen::VectorXd out(rows);
-    const Pose moved_w = PerturbLeft(delta.head<6>(), w), moved_x = PerturbLeft(delta.tail<6>(), x);
-    for (std::size_t i = 0; i < captures.size(); ++i) {
-      const Vector6d difference = LeftDifference(captures[i].world_from_carrier * moved_x,
-                                                 moved_w * captures[i].first_from_placement);
-      out.segment<6>(static_cast<Eigen::Index>(6 * i)) =
-          captures[i].covariance.llt().matrixL().solve(difference);
+  Eigen::Matrix<double, 12, 12> information;
+  double residuals = 0;  // sum of their squares, in standard deviations
+  for (int iteration = 0; iteration <= kIterations; ++iteration) {
+    information.setZero();
+    residuals = 0;
+    Eigen::Matrix<double, 12, 1> pull = Eigen::Matrix<double, 12, 1>::Zero();
+    for (const auto& [carrier, placement, covariance] : captures) {
+      const Vector6d difference = LeftDifference(w * placement, carrier * x);
+      Eigen::Matrix<double, 6, 12> by_delta;
+      by_delta << Matrix6d::Identity(), -Adjoint(carrier);
+      const Matrix6d weight = covariance.inverse();
+      information += by_delta.transpose() * weight * by_delta;
+      pull += by_delta.transpose() * weight * difference;
+      residuals += difference.dot(weight * difference);
     }
-    return out;
-  };
-  Eigen::MatrixXd normal(12, 12);
-  Eigen::VectorXd at = residuals(Eigen::VectorXd::Zero(12));
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::MatrixXd by_delta(rows, 12);
-    for (Eigen::Index k = 0; k < 12; ++k) {
-      const Eigen::VectorXd step = kStep * Eigen::VectorXd::Unit(12, k);
-      by_delta.col(k) = (residuals(step) - residuals(-step)) / (2 * kStep);
-    }
-    normal = by_delta.transpose() * by_delta;
-    const Eigen::VectorXd delta = -normal.ldlt().solve(by_delta.transpose() * at);
+    if (iteration == kIterations) break;
+    const Eigen::Matrix<double, 12, 1> delta = information.ldlt().solve(pull);
     w = PerturbLeft(delta.head<6>(), w);
     x = PerturbLeft(delta.tail<6>(), x);
-    at = residuals(Eigen::VectorXd::Zero(12));
   }
   WorldFrame world;
   world.world_from_structure = w;
   world.carrier_from_structure = x;
-  world.covariance = normal.inverse().topLeftCorner<6, 6>() *
-                     VarianceFactor(at.squaredNorm(), static_cast<double>(rows) - 12);
+  world.covariance = information.inverse().topLeftCorner<6, 6>() *
+                     VarianceFactor(residuals, 6.0 * static_cast<double>(captures.size()) - 12);
   double squares = 0;
   for (const Carried& capture : captures) {
     squares += (capture.world_from_carrier * x * Eigen::Vector3d::Zero() -

@@ -22,7 +22,6 @@ namespace {
 constexpr int kFreedoms = 6;      // of a pose
 constexpr double kPower = 1.645;  // 95 % of a normal distribution exceed -kPower
 constexpr int kMotionIterations = 4;
-constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 /// m and deg: most error of a place and aim with another sensor's intrinsics.
 constexpr double kSameStand = 0.15, kSameAim = 5;
 
@@ -295,7 +294,8 @@ Movements FindMovements(const std::vector<SensorEstimate>& last,
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (pairs.size() == 1) {  // nothing to compare it with
       const SensorEstimate& only = *pairs[i].last;
-      result.sensors.push_back({only.name, Movement::kStayed, 0, 0, 1, kUnknown, kUnknown,
+      constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+      result.sensors.push_back({only.name, Movement::kStayed, 0, 0, 1, unknown, unknown,
                                 only.structure_from_sensor, only.covariance});
       break;
     }

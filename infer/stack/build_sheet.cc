@@ -433,7 +433,7 @@ void DrawSteps(const Structure& structure, const std::vector<BuildStep>& steps, 
               kStepsTop + height * static_cast<double>(row), width, height, pixels, svg);
     cell.Centre(shown[k]);
     if (k == 0) {
-      cell.Head("Outline on the floor",
+      cell.Head("On the floor",
                 {fmt::format("origin (+) {} from its front edge,", Millimetres(floor.max().x())),
                  fmt::format("{} from its right edge, {} above", Millimetres(floor.max().z()),
                              Millimetres(-structure.FloorHeight()))});

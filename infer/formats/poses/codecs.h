@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/geometry/procrustes.h"
 #include "infer/formats/poses/sensor_pose.h"
 
 namespace volalign::poses_internal {
@@ -92,14 +93,9 @@ Poses ReadColmap(const Files& files);
 /// plane z = 1, sensor frame, NaN without one; depth_gain; depth_offset_m. All need intrinsics.
 Files WriteDepthCorrection(const Poses& poses);
 
-/// The pose with which uncorrected depths fit best, and the root mean square, m, of what it leaves,
-/// both for points up to 1 m from the structure's origin.
-struct RawPose {
-  Pose structure_from_sensor = Pose::Identity();
-  double rms_m = 0;
-};
-/// Throws ConfigError if none of these points is before the sensor.
-RawPose PoseForRawDepth(const SensorPose& sensor);
+/// The pose with which uncorrected depths fit best, and what it leaves, for points up to 1 m from
+/// the structure's origin. Throws ConfigError if none of them is before the sensor.
+ProcrustesResult PoseForRawDepth(const SensorPose& sensor);
 
 /// m: by how much the intrinsics that were given misplace a visible point up to 1 m from the
 /// structure's origin. 0 if there are no others.

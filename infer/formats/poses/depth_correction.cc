@@ -7,26 +7,24 @@
 
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
-#include "core/geometry/procrustes.h"
 #include "infer/formats/poses/codecs.h"
 
 namespace volalign::poses_internal {
 
 namespace {
 
-constexpr double kReach = 1;       // m: points so far from the structure's origin count
-constexpr int kSteps = 2;          // points on either side of it along each axis
+constexpr int kSteps = 2;          // within 1 m of the structure's origin, along each axis
 constexpr double kNearest = 0.15;  // m: least depth of such a point
 
-/// Points around the structure before the sensor, in the structure frame.
+/// Points up to 1 m from the structure's origin that are before the sensor, structure frame.
 std::vector<Eigen::Vector3d> PointsAround(const Pose& structure_from_sensor) {
   const Pose sensor_from_structure = structure_from_sensor.inverse();
   std::vector<Eigen::Vector3d> points;
   for (int x = -kSteps; x <= kSteps; ++x) {
     for (int y = -kSteps; y <= kSteps; ++y) {
       for (int z = -kSteps; z <= kSteps; ++z) {
-        const Eigen::Vector3d q = kReach / kSteps * Eigen::Vector3d(x, y, z);
-        if (q.norm() <= kReach && (sensor_from_structure * q).z() >= kNearest) points.push_back(q);
+        const Eigen::Vector3d q = Eigen::Vector3d(x, y, z) / kSteps;
+        if (q.norm() <= 1 && (sensor_from_structure * q).z() >= kNearest) points.push_back(q);
       }
     }
   }
@@ -51,7 +49,7 @@ std::string Npy(int height, int width, const std::vector<float>& values) {
 
 }  // namespace
 
-RawPose PoseForRawDepth(const SensorPose& sensor) {
+ProcrustesResult PoseForRawDepth(const SensorPose& sensor) {
   std::vector<Eigen::Vector3d> raw;
   const std::vector<Eigen::Vector3d> points = PointsAround(sensor.structure_from_sensor);
   const Pose sensor_from_structure = sensor.structure_from_sensor.inverse();
@@ -64,8 +62,7 @@ RawPose PoseForRawDepth(const SensorPose& sensor) {
         fmt::format("{} does not look at the structure, so no pose of its raw depths can be found",
                     sensor.name));
   }
-  const ProcrustesResult fit = AlignPoints(raw, points);
-  return {fit.target_from_source, fit.rms};
+  return AlignPoints(raw, points);
 }
 
 double LensShift(const SensorPose& sensor) {

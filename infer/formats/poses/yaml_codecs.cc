@@ -92,6 +92,14 @@ Intrinsics OpencvIntrinsics(const YAML::Node& sensor, const std::string& place) 
   return k;
 }
 
+/// The frame of a sensor's camera. Throws ConfigError if that is the name of the world.
+std::string FrameOf(const SensorPose& sensor, const FileFrame& frame) {
+  const std::string name = sensor.name + (frame.colour ? kColourFrame : kDepthFrame);
+  if (name == frame.name)
+    throw ConfigError(fmt::format("the world's frame \"{}\" is that of a sensor", name));
+  return name;
+}
+
 std::string RosTransform(const std::string& parent, const std::string& child, const Pose& pose) {
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Quaterniond q = QuaternionOf(pose.linear());
@@ -196,7 +204,7 @@ std::string WriteRos(const Poses& poses, const FileFrame& frame) {
       frame.name, frame.world, optical);
   text += DepthComments(poses);
   for (const SensorPose& sensor : poses)
-    text += RosTransform(frame.name, sensor.name + optical, sensor.structure_from_sensor);
+    text += RosTransform(frame.name, FrameOf(sensor, frame), sensor.structure_from_sensor);
   return text;
 }
 
@@ -222,13 +230,12 @@ std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame) {
     for (const auto& [key, value] : numbers)
       text += fmt::format("\"--{}\", \"{}\", ", key, Real(value));
     text += fmt::format("\"--frame-id\", {}, \"--child-frame-id\", {}]),\n", Quoted(frame.name),
-                        Quoted(poses[i].name + optical));
+                        Quoted(FrameOf(poses[i], frame)));
   }
   return text + "    ])\n";
 }
 
 std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
-  const char* optical = frame.colour ? kColourFrame : kDepthFrame;
   const std::string parent = XmlQuoted(frame.name);
   std::string text = fmt::format(
       "<?xml version=\"1.0\"?>\n<!-- {}: {} (REP 103), metres. Sensors: x right, y down, z "
@@ -236,7 +243,7 @@ std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
       "-->\n<robot name=\"volalign\">\n  <link name={}/>\n",
       XmlText(frame.name), XmlText(frame.world), parent);
   for (const SensorPose& pose : poses) {
-    const std::string child = XmlQuoted(pose.name + optical);
+    const std::string child = XmlQuoted(FrameOf(pose, frame));
     const Eigen::Vector3d& t = pose.structure_from_sensor.translation();
     const Eigen::Vector3d rpy = RollPitchYaw(pose.structure_from_sensor.linear());
     text += fmt::format(

@@ -30,6 +30,12 @@ def test_of_files(result, tmp_path):
     assert found.intrinsics == result.sensors["S1"].intrinsics
 
 
+def test_raw_depths_need_the_structures_place(result, tmp_path):
+    volalign.convert(result, "csv", tmp_path / "a.csv", poses_for="raw")
+    with pytest.raises(volalign.ConfigError, match="extrinsics.json"):
+        volalign.convert(tmp_path / "a.csv", "tum", tmp_path / "a.tum", from_format="csv", poses_for="raw")
+
+
 def test_writes_poses_of_ones_own(tmp_path):
     pose = volalign.look_at((2, 1, 0), (0, 0, 0))
     camera = volalign.Intrinsics(320, 288, 252, 252, 160, 144)

@@ -62,7 +62,8 @@ void ExpectPlaced(const Rig& rig) {
   ASSERT_NE(located, nullptr) << std::get<Finding>(result).reason;
   ASSERT_TRUE(located->by_neighbours.has_value());
   EXPECT_EQ(located->by_neighbours->code, SensorCode::kByNeighbours);
-  EXPECT_NE(located->by_neighbours->reason.find("what it sees in common with S0, S1"), std::string::npos)
+  EXPECT_NE(located->by_neighbours->reason.find("what it sees in common with S0, S1"),
+            std::string::npos)
       << located->by_neighbours->reason;
   const PoseError error = ComparePoses(located->own_pose, *rig.frames[kLost].ground_truth);
   EXPECT_LT(error.translation_m, 0.01);

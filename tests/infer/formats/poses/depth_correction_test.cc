@@ -49,17 +49,17 @@ TEST(DepthCorrection, MakesPointsOfPixels) {
 TEST(DepthCorrection, ThePoseOfRawDepthsLeavesWhatTheGainDoesToSizes) {
   SensorPose sensor = Sensor();
   sensor.depth_gain = 1;
-  RawPose raw = PoseForRawDepth(sensor);
+  ProcrustesResult raw = PoseForRawDepth(sensor);
   // A constant error moves points along their rays, which a shift nearly undoes.
-  EXPECT_NEAR(raw.structure_from_sensor.translation().z(), -2.108, 5e-4);
-  EXPECT_LT(raw.rms_m, 0.0025);
+  EXPECT_NEAR(raw.target_from_source.translation().z(), -2.108, 5e-4);
+  EXPECT_LT(raw.rms, 0.0025);
   sensor.depth_gain = 1.02;
   sensor.depth_offset_m = 0;
   raw = PoseForRawDepth(sensor);
   // Seen in the middle at 2.1 m, the stack is 2 % nearer and smaller.
-  EXPECT_NEAR(raw.structure_from_sensor.translation().z(), -2.1 / 1.02, 1e-3);
-  EXPECT_GT(raw.rms_m, 0.005);
-  EXPECT_LT(raw.rms_m, 0.02);
+  EXPECT_NEAR(raw.target_from_source.translation().z(), -2.1 / 1.02, 1e-3);
+  EXPECT_GT(raw.rms, 0.005);
+  EXPECT_LT(raw.rms, 0.02);
   sensor.structure_from_sensor.linear() =
       Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()).toRotationMatrix();
   ExpectError<ConfigError>([&] { PoseForRawDepth(sensor); }, {"S1", "does not look at"});
