@@ -23,7 +23,6 @@
 #include "render/capture_writer.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
-#include "render/preview.h"
 #include "render/rig.h"
 #include "render/sample.h"
 #include "train/compute.h"
@@ -41,9 +40,7 @@ struct RenderOptions {
   std::uint64_t index = 0;
   std::uint64_t count = 24;
   int threads = 0;
-  bool preview = false, force = false;
-  std::string real_frames;
-  double real_depth_scale = 0.001;
+  bool force = false;
   std::string renderer;
   int egl_device = -1;
   TableOutput table;
@@ -70,19 +67,6 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
                   "threads that render, and as many that compress; 0: one per core")
       ->check(CLI::Range(0, 1024))
       ->excludes(rig);
-  CLI::Option* preview =
-      app->add_flag("--preview", options->preview,
-                    "write no dataset: draw preview.png with --count samples of each sensor, and "
-                    "print statistics of their depth")
-          ->excludes(rig);
-  app->add_option("--real-frames", options->real_frames,
-                  "folder of real depth frames (.pgm, .png) to compare with")
-      ->needs(preview);
-  app->add_option("--real-depth-scale", options->real_depth_scale,
-                  "metres per step of these frames")
-      ->needs(preview)
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
   app->add_flag("--force", options->force, "replace the capture that the folder has")->needs(rig);
   app->add_option("--renderer", options->renderer,
                   "egl, cpu or auto; see data.renderer (docs/config.md). Without it: that of the "
@@ -172,23 +156,6 @@ void RenderRigTurns(const RenderOptions& options, const ConfigSource& source,
       fmt::format("written: {}, each with a contact_sheet.png", fmt::join(written, ", ")));
 }
 
-void RenderPreview(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed,
-                   DepthRenderer& renderer) {
-  constexpr std::uint64_t kMostSamples = 10000;
-  const ResultFolder folder(options.output);
-  const PreviewOptions preview{seed, options.index,
-                               static_cast<int>(std::min(options.count, kMostSamples)),
-                               options.real_frames, options.real_depth_scale};
-  ProgressLine line;
-  line.Begin("samples");
-  const std::string statistics = WritePreview(folder.draft(), recipe.data, preview, renderer);
-  line.Stop();
-  WriteFileAtomically(folder.draft() / "config.yaml", WriteConfig(recipe));
-  SaveCommand(folder.draft(), {{"recipe", WriteConfig(recipe)}});
-  folder.Publish("preview.png");
-  fmt::print("\n{}written: {}/preview.png, config.yaml\n", statistics, options.output);
-}
-
 void RenderDataset(const RenderOptions& options, const TrainConfig& recipe, std::uint64_t seed,
                    const RendererFactory& make_renderer) {
   DatasetOptions dataset;
@@ -235,12 +202,8 @@ int RunRender(const RenderOptions& options) {
       choose(options.renderer.empty() ? recipe.data.renderer : options.renderer);
   recipe.data.renderer = chosen.name;
   const std::uint64_t seed = options.seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
-  if (options.preview) {
-    RenderPreview(options, recipe, seed, *chosen.make());
-  } else {
-    RenderDataset(options, recipe, seed, chosen.make);
-    SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
-  }
+  RenderDataset(options, recipe, seed, chosen.make);
+  SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});
   return 0;
 }
 

@@ -398,7 +398,7 @@ std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
       WriteConfig(ReadConfig<SampleConfig>(ConfigSource::FromString(header.data_yaml, "dataset"))),
       "dataset");
   const ConfigSource now = ConfigSource::FromString(WriteConfig(context.config), "now");
-  const std::set<std::string> paths = {"structure", "intrinsics", "renderer"};
+  const std::set<std::string> paths = {"structure", "intrinsics"};
   for (const auto& [key, leaf] : now.leaves()) {
     const std::vector<std::string>& values = before.leaves().at(key).values;
     if (paths.count(key) > 0 || values == leaf.values) continue;

@@ -133,8 +133,8 @@ class Tutorials(InAFolder):
         self.assertIn(said, output)
         return output
 
-    def run_page(self, name, folder=""):
-        """All that the page has one do, with `folder` in the place of FOLDER; says what each command printed."""
+    def run_page(self, name):
+        """All that the page has one do; says what each command printed."""
         printed = {}
         for step in steps_of(page(name)):
             if step[0] == "write":
@@ -142,7 +142,7 @@ class Tutorials(InAFolder):
             elif step[1].startswith("build/release/cli/volalign "):
                 printed[step[1]] = self.run_command(step[1].replace("build/release/cli/", "", 1))
             elif not why_not_run(name, step[1]):
-                command = step[1].replace("FOLDER", folder) if folder else step[1]
+                command = step[1]
                 for long, short in SHORTER:
                     command = re.sub(long, short, command)
                 printed[step[1]] = self.run_command(command)
@@ -271,18 +271,16 @@ class Tutorials(InAFolder):
         self.expect_files("out/m05-lite.onnx")
 
     def test_sensor_models(self):
-        self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
-        self.run_page("docs/sensor-models.md", "frames")
-        self.expect_files("out/preview/preview.png", "preview/preview.png")
+        self.run_page("docs/sensor-models.md")
+        self.expect_files("samples/contact_sheet.png")
 
     def test_training(self):
         sweep = next(block for block in re.split(r"\n\s*\n", page("docs/training.md")) if block.startswith("    recipes:"))
         self.write("sweep.yaml", textwrap.dedent(sweep).replace("seeds: [1, 2, 3]", "seeds: [1]"))
-        self.run_command("volalign render --rig configs/rig_ring4.yaml -o frames")
-        self.run_page("docs/training.md", "frames")
+        self.run_page("docs/training.md")
         for run in ("m05-lite", "toy", "m03", "a"):
             self.expect_files(f"runs/{run}/model.safetensors")
-        self.expect_files("runs/sweep/summary.csv", "out/preview/preview.png", "preview/preview.png", "out/report.html", "evaluated/evaluation.json")
+        self.expect_files("runs/sweep/summary.csv", "out/samples/contact_sheet.png", "samples/contact_sheet.png", "out/report.html", "evaluated/evaluation.json")
 
 
 if __name__ == "__main__":
