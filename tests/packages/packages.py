@@ -103,12 +103,6 @@ class Packages(unittest.TestCase):
         self.use("cc", "-std=c99", os.path.join(SOURCE, "examples", "calibrate_c", "main.c"), "-o", program, *words)
         self.expect_poses(program)
 
-    def test_the_csharp_example(self):
-        program = os.path.join(self.work, "calibrate.exe")
-        sources = [os.path.join(SOURCE, "examples", "calibrate_csharp", name) for name in ("Calibrate.cs", "Volalign.cs")]
-        self.use("mcs", "-warnaserror", "-out:" + program, *sources)
-        self.expect_poses("mono", program)
-
     def expect_poses(self, *example):
         """The example calibrates the quick start's capture by the installed network, and finds the program's poses."""
         data = os.path.join(self.usr, "share", "volalign")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""libvolalign_c as its callers have it: Python's ctypes, the C99 example and, where mono is installed, the C# example.
+"""libvolalign_c as its callers have it: Python's ctypes and the C99 example.
 
     tests/bindings/c/c_library.py LIBRARY C_COMPILER PROGRAM SOURCE_FOLDER
 
@@ -289,12 +289,6 @@ class CLibrary(Calls):
         self.assert_poses(self.run_example([self.example], MODEL), "model")
         self.assertIn("OpenCV", self.runtime_of_example())
         self.assert_poses(self.run_example([self.example], "-"), "geometry")
-
-    def test_csharp(self):
-        program = os.path.join(self.folder, "calibrate.exe")
-        sources = [os.path.join(SOURCE, "examples", "calibrate_csharp", name) for name in ("Calibrate.cs", "Volalign.cs")]
-        subprocess.run(["mcs", "-warnaserror", "-out:" + program, *sources], check=True)
-        self.assert_poses(self.run_example(["mono", program], MODEL), "model")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A rendered capture as the C and C# examples read it, and what they print."""
+"""A rendered capture as the C example reads it, and what it prints."""
 
 import json
 import os
