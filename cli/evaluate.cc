@@ -23,7 +23,6 @@
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/nn/cpu/torch_threads.h"
-#include "infer/evaluate/suite/figures.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
@@ -176,17 +175,10 @@ int RunPaperSuite(const EvaluateOptions& options) {
   run.count = line.Counter("captures");
   SetTorchThreads(options.workers > 1 ? 1 : 2);
   const std::string tables = WriteSuite(folder.draft(), suite, RunSuite(suite, run));
-  run.output = folder.draft();
-  const std::vector<std::filesystem::path> figures = WriteFigures(suite, run);
   SaveCommand(folder.draft(), {{"suite", WriteConfig(suite)}});
   folder.Publish("suite.json");
   line.Stop();
   fmt::print("{}", tables);
-  std::fflush(stdout);
-  for (const std::filesystem::path& figure : figures) {
-    fmt::print(stderr, "written: {}\n",
-               (folder.dir() / figure.lexically_relative(folder.draft())).string());
-  }
   fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
   return complete ? 0 : 2;
 }

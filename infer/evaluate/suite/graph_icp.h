@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/view/sensor_view.h"
@@ -10,34 +9,16 @@
 namespace volalign {
 
 struct GraphIcpOptions {
-  int iterations = 25;
-  double first_distance_m = 0.15;
-  double last_distance_m = 0.03;
-  double max_normal_angle_deg = 45;
-  int max_points = 1500;
-  double floor_margin_m = 0.02;
+  int iterations = 25;  ///< rounds of correspondences and one Gauss-Newton step each
+  /// m, within which points correspond in the first round and in the last one. Points of a view
+  /// within the first, at the initial pose, belong to the structure.
+  double first_distance_m = 0.15, last_distance_m = 0.03;
+  double max_normal_angle_deg = 45;  ///< between the normals of points that correspond
+  int max_points = 1500;             ///< per view, approximately
+  double floor_margin_m = 0.02;      ///< below it points belong to the floor, at the initial pose
+  /// Smallest share of a view's points that correspond to another view's, at the initial poses, for
+  /// the two to be joined.
   double min_overlap = 0.1;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("iterations", iterations, "rounds of correspondences and one Gauss-Newton step each",
-       AtLeast(1));
-    ar("first_distance_m", first_distance_m,
-       "distance within which points correspond in the first round, m. Points of a view within it, "
-       "at the initial pose, belong to the structure",
-       Above(0));
-    ar("last_distance_m", last_distance_m,
-       "distance within which points correspond in the last round, m", Above(0));
-    ar("max_normal_angle_deg", max_normal_angle_deg,
-       "largest angle between the normals of points that correspond, deg", Between(1, 90));
-    ar("max_points", max_points, "approximate number of points per view", AtLeast(10));
-    ar("floor_margin_m", floor_margin_m,
-       "height below which points belong to the floor, at the initial pose, m", AtLeast(0));
-    ar("min_overlap", min_overlap,
-       "smallest share of a view's points that correspond to another view's, at the initial poses, "
-       "for the two to be joined",
-       Between(0, 1));
-  }
 };
 
 /// A view and its initial pose.

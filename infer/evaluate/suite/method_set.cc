@@ -47,18 +47,16 @@ bool MethodSet::Applies(std::size_t i, const SuiteItem& item) const {
 
 std::string MethodSet::Fingerprint(std::size_t i, const SuiteItem& item) const {
   const Entry& entry = methods_[i];
-  const bool markers = entry.method.kind == MethodKind::kMarkers;
   std::string all;
   for (const std::string& part : {program_, item.identity, entry.sha256, WriteConfig(entry.method),
-                                  std::to_string(suite_.min_side_pixels), WriteConfig(suite_.graph),
-                                  markers ? WriteConfig(suite_.infrared) : std::string()}) {
+                                  std::to_string(suite_.min_side_pixels)}) {
     all += fmt::format("{}:{}\n", part.size(), part);
   }
   return Sha256(all);
 }
 
 MethodResult MethodSet::Run(std::size_t i, const SuiteCapture& capture, int threads) {
-  return RunMethod(methods_[i].method, capture, Network(i), suite_, threads);
+  return RunMethod(methods_[i].method, capture, Network(i), threads);
 }
 
 Segmenter* MethodSet::Network(std::size_t i) {

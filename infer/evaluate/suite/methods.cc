@@ -29,13 +29,12 @@ std::vector<std::size_t> Placed(const FramePoses& poses) {
   return placed;
 }
 
-FramePoses RefineByGraph(const SuiteCapture& capture, const FramePoses& initial,
-                         const GraphIcpOptions& options) {
+FramePoses RefineByGraph(const SuiteCapture& capture, const FramePoses& initial) {
   FramePoses refined(initial.size());
   std::vector<GraphFrame> views;
   const std::vector<std::size_t> placed = Placed(initial);
   for (const std::size_t i : placed) views.push_back({&capture.views[i], *initial[i]});
-  const std::vector<Pose> poses = RefineGraph(capture.evaluation.structure, views, options);
+  const std::vector<Pose> poses = RefineGraph(capture.evaluation.structure, views);
   for (std::size_t k = 0; k < placed.size(); ++k) refined[placed[k]] = poses[k];
   return refined;
 }
@@ -84,7 +83,14 @@ void RefineStatistically(const SuiteCapture& capture, int threads, MethodResult*
 /// Labels of the network, and the paper's poses.
 MethodResult RunNetwork(const SuiteCapture& capture, Segmenter& segmenter) {
   MethodResult result;
-  std::vector<SegmentationResult> segmented = segmenter.Segment(RequestsOf(capture));
+  std::vector<SegmentationRequest> requests;
+  for (std::size_t i = 0; i < capture.views.size(); ++i) {
+    // A frame whose turn is not known is turned as in the training.
+    const SensorFrame& frame = capture.evaluation.frames[i];
+    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
+    requests.push_back({&capture.views[i].depth, &frame.intrinsics, turns});
+  }
+  std::vector<SegmentationResult> segmented = segmenter.Segment(requests);
   InitialPoseOptions options;
   options.method = PoseMethod::kPaper;
   for (std::size_t i = 0; i < capture.views.size(); ++i) {
@@ -129,16 +135,6 @@ MethodResult RunVolalign(const SuiteCapture& capture, Segmenter& segmenter, int 
 
 }  // namespace
 
-std::vector<SegmentationRequest> RequestsOf(const SuiteCapture& capture) {
-  std::vector<SegmentationRequest> requests;
-  for (std::size_t i = 0; i < capture.views.size(); ++i) {
-    const SensorFrame& frame = capture.evaluation.frames[i];
-    const int turns = frame.quarter_turns == kAutoTurns ? 0 : frame.quarter_turns;
-    requests.push_back({&capture.views[i].depth, &frame.intrinsics, turns});
-  }
-  return requests;
-}
-
 const FramePoses* PosesAt(PoseStage stage, const MethodResult& result) {
   if (stage == PoseStage::kInitial) return &result.initial;
   if (stage == PoseStage::kCorrected && result.corrections.empty()) return nullptr;
@@ -159,11 +155,11 @@ std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
 }
 
 MethodResult RunMethod(const SuiteMethod& method, const SuiteCapture& capture, Segmenter* segmenter,
-                       const SuiteConfig& suite, int threads) {
+                       int threads) {
   if (method.kind == MethodKind::kVolalign) return RunVolalign(capture, *segmenter, threads);
   MethodResult result =
       method.kind == MethodKind::kMarkers ? RunMarkers(capture) : RunNetwork(capture, *segmenter);
-  result.graph = RefineByGraph(capture, result.initial, suite.graph);
+  result.graph = RefineByGraph(capture, result.initial);
   if (method.statistical) RefineStatistically(capture, threads, &result);
   return result;
 }

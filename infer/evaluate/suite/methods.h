@@ -39,10 +39,6 @@ struct MethodResult {
   std::vector<DepthCorrection> corrections;      ///< of `statistical`, or empty
 };
 
-/// A network's input for a capture: its frames. A frame whose turn is not known is turned as in the
-/// training. Refers to the argument.
-std::vector<SegmentationRequest> RequestsOf(const SuiteCapture& capture);
-
 /// The poses of a stage; null if the method does not have it.
 const FramePoses* PosesAt(PoseStage stage, const MethodResult& result);
 
@@ -53,6 +49,6 @@ std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
 /// Runs a method. `segmenter`: of its model; markers do not use it. Throws Error for markers
 /// without infrared pictures.
 MethodResult RunMethod(const SuiteMethod& method, const SuiteCapture& capture, Segmenter* segmenter,
-                       const SuiteConfig& suite, int threads);
+                       int threads);
 
 }  // namespace volalign

@@ -87,7 +87,7 @@ std::vector<CaptureScores> RunItem(const SuiteItem& item, const SuiteConfig& sui
       all.push_back(std::move(*known));
       continue;
     }
-    if (!capture) capture = LoadSuiteCapture(item, suite, renderer);
+    if (!capture) capture = LoadSuiteCapture(item, renderer);
     CaptureScores scores = Score(i, *capture, suite, run, methods);
     scores.fingerprint = fingerprint;
     scores.dataset = item.dataset;

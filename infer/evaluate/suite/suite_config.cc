@@ -42,10 +42,6 @@ void CheckNames(const SuiteConfig& suite) {
   const std::set<std::string> datasets = UniqueNames(suite.datasets, "datasets");
   const std::set<std::string> methods = UniqueNames(suite.methods, "methods");
   UniqueNames(suite.tables, "tables");
-  UniqueNames(suite.figures, "figures");
-  for (const SuiteFigure& figure : suite.figures) {
-    for (const std::string& name : figure.methods) RequireKnown(methods, name, figure.name);
-  }
   for (const SuiteMethod& method : suite.methods) {
     for (const std::string& name : method.datasets) RequireKnown(datasets, name, method.name);
   }
@@ -105,7 +101,6 @@ SuiteConfig SelectTables(SuiteConfig suite, const std::string& name) {
     for (const SuiteRow& row : table.rows) methods.insert(row.method);
   }
   if (name == "all") return suite;
-  suite.figures.clear();
   erase(&suite.datasets, [&](const std::string& n) { return datasets.count(n) > 0; });
   erase(&suite.methods, [&](const std::string& n) { return methods.count(n) > 0; });
   return suite;

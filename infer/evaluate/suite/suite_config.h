@@ -7,8 +7,6 @@
 
 #include "core/config/config.h"
 #include "infer/calib/calibrate.h"
-#include "infer/evaluate/suite/graph_icp.h"
-#include "render/infrared.h"
 
 namespace volalign {
 
@@ -134,55 +132,23 @@ struct SuiteTable {
   }
 };
 
-/// labels: predicted labels over depth, a column for each view. attention: the network's attention
-/// over depth, likewise. clouds: points coloured by their distance to the structure.
-enum class FigureKind { kLabels, kAttention, kClouds };
-constexpr Words<FigureKind, 3> WordsOf(FigureKind) {
-  return {{{"labels", FigureKind::kLabels},
-           {"attention", FigureKind::kAttention},
-           {"clouds", FigureKind::kClouds}}};
-}
-
-/// A picture with a row for each method.
-struct SuiteFigure {
-  std::string name;
-  FigureKind kind = FigureKind::kLabels;
-  std::string capture;
-  std::vector<std::string> methods;
-  PoseStage stage = PoseStage::kInitial;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("name", name, "unique; names the file");
-    ar("kind", kind,
-       "labels (predicted, over depth), attention (over depth, yellow 1 and violet 0), or clouds. "
-       "Clouds are aligned points from two sides, violet on the structure, yellow 5 cm off");
-    ar("capture", capture, "RIG_turn_K: the K-th turn of the file RIG.yaml");
-    ar("methods", methods, "a row for each");
-    ar("stage", stage, "stage of the poses of clouds");
-  }
-};
-
 /// Experiments: captures, methods, and tables over both.
 struct SuiteConfig {
   std::vector<SuiteDataset> datasets;
   std::vector<SuiteMethod> methods;
   std::vector<SuiteTable> tables;
-  std::vector<SuiteFigure> figures;
   int min_side_pixels = 25;
-  GraphIcpOptions graph;
-  InfraredConfig infrared;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("datasets", datasets, "captures");
     ar("methods", methods, "what is compared");
-    ar("tables", tables, "what is written");
-    ar("figures", figures, "what is drawn");
+    ar("tables", tables, "what is written",
+       Removed("figures", "no pictures are drawn; leave the key out"));
     ar("min_side_pixels", min_side_pixels,
-       "smallest number of pixels with which a side counts as visible", AtLeast(1));
-    ar("graph", graph, "the paper's dense refinement");
-    ar("infrared", infrared, "infrared pictures of the markers");
+       "smallest number of pixels with which a side counts as visible", AtLeast(1),
+       Removed("graph", "the refinement is the paper's; leave the key out"),
+       Removed("infrared", "the pictures are those of stereo cameras; leave the key out"));
   }
 };
 
@@ -192,7 +158,7 @@ struct SuiteConfig {
 SuiteConfig ReadSuite(const std::string& path);
 
 /// The suite with the tables of this name alone ("all": every one), and their datasets and methods.
-/// Figures belong to "all". Throws ConfigError for an unknown name.
+/// Throws ConfigError for an unknown name.
 SuiteConfig SelectTables(SuiteConfig suite, const std::string& name);
 
 }  // namespace volalign

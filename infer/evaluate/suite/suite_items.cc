@@ -60,14 +60,12 @@ std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& 
   return Some(ItemsOf(dataset, structure, infrared), most);
 }
 
-SuiteCapture LoadSuiteCapture(const SuiteItem& item, const SuiteConfig& suite,
-                              WorkerRenderer& renderer) {
+SuiteCapture LoadSuiteCapture(const SuiteItem& item, WorkerRenderer& renderer) {
   SuiteCapture capture;
   if (item.rig) {
     std::optional<InfraredRequest> infrared;
     if (item.infrared) {
-      infrared.emplace(
-          InfraredRequest{StructureMarkers(ReadStructure(item.rig->structure)), suite.infrared});
+      infrared.emplace(InfraredRequest{StructureMarkers(ReadStructure(item.rig->structure)), {}});
     }
     const std::vector<RigCapture> captures =
         RenderPlacements(*item.rig, *renderer, infrared ? &*infrared : nullptr);

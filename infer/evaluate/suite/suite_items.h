@@ -44,7 +44,6 @@ class WorkerRenderer {
 };
 
 /// Renders or reads a capture.
-SuiteCapture LoadSuiteCapture(const SuiteItem& item, const SuiteConfig& suite,
-                              WorkerRenderer& renderer);
+SuiteCapture LoadSuiteCapture(const SuiteItem& item, WorkerRenderer& renderer);
 
 }  // namespace volalign

@@ -12,7 +12,6 @@
 #include "core/base/random.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/network.h"
-#include "infer/segment/attention.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
@@ -30,20 +29,15 @@ class NetworkSegmenterTest : public ::testing::Test {
     meta_.structure = PaperStructure();
     meta_.focal_px = {117, 127};
     meta_.image_sizes = {{160, 144}};
-    Save(true);
-  }
-  std::filesystem::path Save(bool attention) {
-    meta_.network.attention = attention;
     net_ = StructureNet(meta_.network);
     net_->eval();
     SaveCheckpoint(folder_ / "model.safetensors", net_, meta_, false);
-    return folder_ / "model.safetensors";
   }
 
-  static DepthImage RandomDepth(int width, int height, double least = 1) {
+  static DepthImage RandomDepth(int width, int height) {
     RandomStream random(1, 0, "segmenter_test");
     DepthImage depth(width, height);
-    for (float& z : depth) z = static_cast<float>(random.Uniform(least, 4));
+    for (float& z : depth) z = static_cast<float>(random.Uniform(1, 4));
     return depth;
   }
 
@@ -107,50 +101,6 @@ TEST_F(NetworkSegmenterTest, RejectsAnotherStructure) {
   const Structure one = Structure::FromBoxes(
       "one", {Box::FromMinMax("box", Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones())});
   ExpectError<DataError>([&] { LoadNetworkSegmenter(folder_ / "model.safetensors", &one); });
-}
-
-using AttentionTest = NetworkSegmenterTest;
-
-TEST_F(AttentionTest, IsTheNetworksAtEachPixelAndTurnedBack) {
-  const auto file = folder_ / "model.safetensors";
-  const Intrinsics k = Kinect().Resized(160, 144);
-  const DepthImage depth = RandomDepth(160, 144, 0);
-  for (int turns = 0; turns < 4; ++turns) {
-    const Image<float> map = AttentionMaps(file, {{&depth, &k, turns}}).front();
-    ASSERT_EQ(map.width(), 160);
-    ASSERT_EQ(map.height(), 144);
-    const c10::NoGradGuard no_grad;
-    const DepthImage upright = Turn(depth, turns);
-    const at::Tensor direct = net_->ForwardWithAttention(Encoded(upright)).attention;
-    const auto values = direct.accessor<float, 4>();
-    const Image<float> turned = Turn(map, turns);  // as the network saw the frame
-    double least = 1, most = 0;
-    for (const auto [u, v] : Pixels(turned)) {
-      ASSERT_NEAR(turned(u, v), values[0][0][v / 16][u / 16], 1e-5) << turns;
-      least = std::min<double>(least, turned(u, v));
-      most = std::max<double>(most, turned(u, v));
-    }
-    EXPECT_GT(most - least, 1e-3);  // a constant map would pass every turn
-  }
-}
-
-TEST_F(AttentionTest, ComesBackAtTheSizeOfAFrameThatIsResampled) {
-  const Intrinsics k = Kinect();  // twice the focal length that the network knows
-  const DepthImage depth = RandomDepth(k.width, k.height, 0);
-  const Image<float> map = AttentionMaps(folder_ / "model.safetensors", {{&depth, &k, 0}}).front();
-  ASSERT_EQ(map.width(), k.width);
-  ASSERT_EQ(map.height(), k.height);
-  for (const auto [u, v] : Pixels(k.width, k.height))
-    ASSERT_EQ(map(u, v), map(u / 32 * 32, v / 32 * 32)) << u << " " << v;
-}
-
-TEST_F(AttentionTest, IsEmptyWithoutAttention) {
-  const Intrinsics k = Kinect().Resized(160, 144);
-  const DepthImage depth = RandomDepth(160, 144, 0);
-  const auto maps = AttentionMaps(Save(false), {{&depth, &k, 0}, {&depth, &k, 1}});
-  ASSERT_EQ(maps.size(), 2u);
-  EXPECT_TRUE(maps[0].empty());
-  EXPECT_TRUE(maps[1].empty());
 }
 
 }  // namespace

@@ -11,7 +11,6 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "infer/evaluate/suite/figures.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/table_data.h"
 #include "infer/evaluate/suite/write_suite.h"
@@ -50,8 +49,7 @@ class ToySuite : public testing::Test {
             "      - {label: markers, method: markers, stage: initial}\n"
             "      - {label: markers refined, method: markers, stage: statistical}\n"
             "      - {label: missing, method: missing}\n"
-            "      - {label: best, method: best, stage: statistical}\n"
-            "infrared: {supersampling: 1, full_well_electrons: 0}\n");
+            "      - {label: best, method: best, stage: statistical}\n");
     run_.output = folder_ / "results";
     run_.program = "1";
     run_.workers = 2;
@@ -318,39 +316,6 @@ TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
   const std::string csv = FormatCsv(data);
   EXPECT_TRUE(Has(csv, "\n\"second\",a,initial,\"RMS\",d1,2,0.03,0.01,"));
   EXPECT_TRUE(Has(FormatTableJson(data), "\"to_best\""));
-}
-
-TEST(Figures, PointsHideThoseBehindThemAndShowHowFarOffTheyAre) {
-  const Structure structure = PaperStructure();
-  // Seen from +x. The second point is hidden by the first.
-  const ErrorCloud near{{{0.6, 0, 0}}, {0}}, both{{{0.6, 0, 0}, {0.3, 0, 0}}, {0, 0.2}};
-  EXPECT_TRUE(DrawCloud(both, structure, 0) == DrawCloud(near, structure, 0));
-  EXPECT_FALSE(DrawCloud(both, structure, 180) == DrawCloud(near, structure, 180));
-  const ErrorCloud far_off{near.points, {0.2}};
-  EXPECT_FALSE(DrawCloud(far_off, structure, 0) == DrawCloud(near, structure, 0));
-}
-
-TEST(Figures, AttentionIsBrighterWhereItIsMoreAndDarkWithoutDepth) {
-  DepthImage depth(4, 3, 2.0F);
-  depth(3, 2) = 0;
-  Image<float> attention(4, 3, 0.0F);
-  attention(1, 1) = attention(3, 2) = 1;
-  const RgbImage picture = DrawAttention(depth, attention);
-  EXPECT_GT(picture(1, 1).r, picture(0, 0).r);
-  EXPECT_LT(picture(3, 2).r, picture(1, 1).r);
-  ExpectError<Error>([&] { DrawAttention(depth, Image<float>(3, 4)); }, {"sizes"});
-}
-
-TEST(Figures, CloudsHaveTheLabelledPixels) {
-  const Structure structure = PaperStructure();
-  const Pose pose = RingPose(20);
-  const SyntheticView seen = Render(structure, Kinect(), pose);
-  ErrorCloud cloud;
-  AddToCloud(MakeSensorView(seen.depth, Kinect()), seen.labels, structure, pose, &cloud);
-  std::size_t labelled = 0;
-  for (const std::uint8_t label : seen.labels) labelled += label > 0 ? 1 : 0;
-  ASSERT_EQ(cloud.points.size(), labelled);
-  for (const double distance : cloud.distances) EXPECT_LT(distance, 1e-4);
 }
 
 }  // namespace

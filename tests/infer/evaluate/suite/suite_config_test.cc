@@ -49,9 +49,7 @@ class Suite : public testing::Test {
                                 "    rows: [{label: net, method: net, stage: graph}]\n"
                                 "  - name: two\n"
                                 "    blocks: [{title: RMS, metric: d2, datasets: [ring]}]\n"
-                                "    rows: [{label: markers, method: markers}]\n"
-                                "figures:\n"
-                                "  - {name: labels, capture: arc_turn_1, methods: [net]}\n")
+                                "    rows: [{label: markers, method: markers}]\n")
                          .string());
   }
 
@@ -76,11 +74,9 @@ TEST_F(Suite, ATableAloneHasWhatItNeeds) {
   const SuiteConfig all = SelectTables(Read(), "all"), two = SelectTables(Read(), "two");
   EXPECT_EQ(NamesOf(all.tables), "one two");
   EXPECT_EQ(NamesOf(all.datasets), "arc ring");
-  EXPECT_EQ(NamesOf(all.figures), "labels");
   EXPECT_EQ(NamesOf(two.tables), "two");
   EXPECT_EQ(NamesOf(two.datasets), "ring");
   EXPECT_EQ(NamesOf(two.methods), "markers");
-  EXPECT_EQ(NamesOf(two.figures), "");
 }
 
 // The file that is shipped: the paper's tables, in its order of rows.
@@ -162,7 +158,7 @@ TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
 TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
   const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
   WorkerRenderer renderer(TileRenderers());
-  const SuiteCapture first = LoadSuiteCapture(items[0], SuiteConfig(), renderer);
+  const SuiteCapture first = LoadSuiteCapture(items[0], renderer);
   ASSERT_EQ(first.evaluation.frames.size(), 2u);
   ASSERT_EQ(first.views.size(), 2u);
   EXPECT_TRUE(first.infrared.empty());
@@ -170,7 +166,7 @@ TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
     EXPECT_EQ(first.views[i].depth, first.evaluation.frames[i].depth);
     EXPECT_TRUE(first.evaluation.frames[i].ground_truth);
   }
-  const SuiteCapture third = LoadSuiteCapture(items[2], SuiteConfig(), renderer);
+  const SuiteCapture third = LoadSuiteCapture(items[2], renderer);
   EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
 }
 
@@ -250,10 +246,6 @@ TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
   };
   suite_.min_side_pixels += 1;
   expect(true, true);
-  suite_.graph.iterations += 1;
-  expect(true, true);
-  suite_.infrared.blur_px += 1;  // which markers alone see
-  expect(false, true);
   suite_.methods[1].statistical = true;
   expect(true, false);
   suite_.tables.emplace_back();  // results do not depend on what is made of them
@@ -296,7 +288,7 @@ TEST(RunMethod, MarkersWantInfraredPictures) {
   capture.views = {MakeSensorView(DepthImage(4, 3, 2.0F), Kinect().Resized(4, 3))};
   SuiteMethod markers;
   markers.kind = MethodKind::kMarkers;
-  ExpectError<Error>([&] { RunMethod(markers, capture, nullptr, SuiteConfig(), 1); }, {"infrared"});
+  ExpectError<Error>([&] { RunMethod(markers, capture, nullptr, 1); }, {"infrared"});
 }
 
 // The paper's poses, from the labels that it is given, are some centimetres off, since centroids of
@@ -312,7 +304,7 @@ TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
   SuiteMethod method;
   method.kind = MethodKind::kNetwork;
   method.statistical = true;
-  const MethodResult result = RunMethod(method, capture, &segmenter, SuiteConfig(), 1);
+  const MethodResult result = RunMethod(method, capture, &segmenter, 1);
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
     ASSERT_TRUE(result.initial[i] && (*result.statistical)[i]) << i;
     const Pose& truth = *rig.frames[i].ground_truth;
