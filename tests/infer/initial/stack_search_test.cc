@@ -215,32 +215,6 @@ std::map<std::pair<int, int>, double> Cells(const std::vector<Vote>& votes) {
   return cells;
 }
 
-TEST(Votes, SpreadsAPieceOverTheFourCellsRoundIt) {
-  const StackOutline outline = Outline();
-  Votes votes(outline);
-  votes.Make({{0.225, -0.16, 1, 0, StackPiece::kTop, 0.8}}, 0);
-  const auto cells = Cells(votes.Of(1, kUp));
-  ASSERT_EQ(cells.size(), 4u);
-  EXPECT_NEAR(cells.at({2, -2}), 0.8 * 0.75 * 0.6, 1e-6);
-  EXPECT_NEAR(cells.at({3, -2}), 0.8 * 0.25 * 0.6, 1e-6);
-  EXPECT_NEAR(cells.at({2, -1}), 0.8 * 0.75 * 0.4, 1e-6);
-  EXPECT_NEAR(cells.at({3, -1}), 0.8 * 0.25 * 0.4, 1e-6);
-  for (const int way : {0, 3, 7, kInside}) EXPECT_TRUE(votes.Of(1, way).empty()) << way;
-  EXPECT_TRUE(votes.Of(0, kUp).empty());
-  EXPECT_TRUE(votes.Of(2, kUp).empty());
-}
-
-TEST(Votes, ForgetsTheTurnBefore) {
-  const StackOutline outline = Outline();
-  Votes votes(outline);
-  votes.Make({{0.2, 0, 0, 0, StackPiece::kTop, 1}}, 0);
-  votes.Make({{-0.3, 0, 0, 0, StackPiece::kTop, 1}}, 0);
-  const auto cells = Cells(votes.Of(0, kUp));
-  ASSERT_EQ(cells.count({-3, 0}), 1u);
-  EXPECT_NEAR(cells.at({-3, 0}), 1, 1e-5);
-  EXPECT_EQ(cells.count({2, 0}), 0u);
-}
-
 TEST(Votes, NoCellCountsMoreThanOneOrLessThanTheInside) {
   const StackOutline outline = Outline();
   Votes votes(outline);
@@ -249,39 +223,6 @@ TEST(Votes, NoCellCountsMoreThanOneOrLessThanTheInside) {
   votes.Make({top, top, inside, inside}, 0);
   EXPECT_EQ(Cells(votes.Of(0, kUp)).at({0, 0}), 1);
   EXPECT_EQ(Cells(votes.Of(0, kInside)).at({0, 0}), kInsideVote);
-}
-
-// A turn by `yaw` about +y takes +x to (cos, 0, -sin): by Eigen's matrix.
-TEST(Votes, TurnsPlaceAndHeading) {
-  const StackOutline outline = Outline();
-  RandomStream random(3, 0, "votes");
-  for (int k = 0; k < 40; ++k) {
-    const double yaw = random.Uniform(0, 2 * M_PI), heading = random.Uniform(-M_PI, M_PI);
-    const double x = random.Uniform(-0.3, 0.3), z = random.Uniform(-0.3, 0.3);
-    Votes votes(outline);
-    votes.Make({{x, z, 0, heading, StackPiece::kSide, 1}}, yaw);
-    const Eigen::AngleAxisd turn(yaw, Eigen::Vector3d::UnitY());
-    const Eigen::Vector3d place = turn * Eigen::Vector3d(x, 0, z) / outline.cell;
-    const Eigen::Vector3d normal = turn * Eigen::Vector3d(std::cos(heading), 0, std::sin(heading));
-    // Its own sector, and the neighbour whose border is nearer.
-    const double sector = std::fmod(Heading(normal) + 2 * M_PI, 2 * M_PI) / (M_PI / 4);
-    const int own = static_cast<int>(sector) % 8;
-    const int other = (own + (sector - std::floor(sector) > 0.5 ? 1 : 7)) % 8;
-    for (int way = 0; way < 8; ++way) {
-      const std::vector<Vote>& list = votes.Of(0, way);
-      ASSERT_EQ(list.empty(), way != own && way != other) << "heading " << Heading(normal);
-      double sum = 0, mean_x = 0, mean_z = 0;
-      for (const Vote& vote : list) {
-        sum += vote.weight;
-        mean_x += vote.weight * vote.dx;
-        mean_z += vote.weight * vote.dz;
-      }
-      if (list.empty()) continue;
-      EXPECT_NEAR(sum, 1, 1e-5);
-      EXPECT_NEAR(mean_x, place.x(), 1e-4);
-      EXPECT_NEAR(mean_z, place.z(), 1e-4);
-    }
-  }
 }
 
 OrientedPoint PointAt(const Eigen::Vector3d& p, const Eigen::Vector3d& normal, double area) {
@@ -310,17 +251,6 @@ TEST(FindOccupied, SortsPointsIntoCells) {
   }
   EXPECT_EQ(cells[0].way, kUp);
   EXPECT_EQ(cells[1].way, 0);
-}
-
-TEST(FindOccupied, SeesTheRoomsOwnHorizontal) {
-  const Eigen::Vector3d up = Eigen::Vector3d(0.2, -0.9, -0.3).normalized();
-  const Eigen::Matrix3d room = RoomFromSensor(up);
-  const Eigen::Vector3d in_room(-0.7, -0.5, 0.4);
-  const std::vector<OccupiedCell> cells =
-      FindOccupied({PointAt(room.transpose() * in_room, up, 1)}, Outline(), -0.6, room);
-  ASSERT_EQ(cells.size(), 1u);
-  EXPECT_EQ(std::make_tuple(cells[0].x, cells[0].z, cells[0].slab, cells[0].way),
-            std::make_tuple(-7, 4, 0, kUp));
 }
 
 /// The votes of a place, summed up cell by cell.
@@ -399,23 +329,6 @@ TEST(VoteMap, IsACorrelation) {
   EXPECT_EQ(higher, 3 * most);
 }
 
-/// A box that is as high as 9 slabs of a third of it, so that nothing is cut.
-Structure Crate() {
-  return Structure::FromBoxes("crate", {Box::FromMinMax("c", {1, 2, 3}, {1.4, 2.6, 3.32})});
-}
-
-TEST(MakeStackOutline, IsAsFineAsTheSmallestBox) {
-  const StackOutline outline = MakeStackOutline(Crate());
-  EXPECT_NEAR(outline.radius, std::hypot(0.4, 0.32) / 2, 1e-12);
-  EXPECT_NEAR(outline.cell, 0.32 / 8, 1e-12);
-  EXPECT_NEAR(outline.slab, 0.6 / 3, 1e-12);
-  EXPECT_NEAR(outline.yaw_step, outline.cell / outline.radius, 1e-12);
-  EXPECT_TRUE(outline.foot.isApprox(Eigen::Vector3d(1.2, 2, 3.16), 1e-12));
-  // A slab more than the stack is high, for its top and what is measured a little above it.
-  EXPECT_EQ(outline.slabs, 4);
-  EXPECT_NEAR(MakeStackOutline(Crate(), 16).cell, 0.32 / 16, 1e-12);
-}
-
 TEST(MakeStackOutline, HasLimits) {
   const auto outline = [](const Eigen::Vector3d& size) {
     return MakeStackOutline(Structure::FromBoxes("box", {Standing("b", size, {0, 0, 0})}));
@@ -425,91 +338,6 @@ TEST(MakeStackOutline, HasLimits) {
   // 5 m high in 16 slabs; a radius of 2 m in 16 cells.
   EXPECT_NEAR(outline({0.3, 5, 0.3}).slab, 5.0 / 16, 1e-12);
   EXPECT_NEAR(outline({4, 0.5, 0.3}).cell, std::hypot(4, 0.3) / 2 / 16, 1e-12);
-}
-
-/// Area by the way that surfaces face, m^2, as the pieces have it.
-struct Areas {
-  std::map<int, double> aside;  // by heading in degrees
-  double up = 0;
-};
-
-Areas AreasOf(const StackOutline& outline) {
-  Areas areas;
-  for (const StackPiece& piece : outline.pieces) {
-    if (piece.kind == StackPiece::kTop) areas.up += piece.weight * outline.cell * outline.cell;
-    if (piece.kind == StackPiece::kSide) {
-      areas.aside[static_cast<int>(std::lround(piece.heading * 180 / M_PI))] +=
-          piece.weight * outline.cell * outline.slab;
-    }
-  }
-  return areas;
-}
-
-TEST(MakeStackOutline, PiecesMakeUpTheSurface) {
-  const StackOutline outline = MakeStackOutline(Crate(), 16);
-  for (const StackPiece& piece : outline.pieces) {
-    // The top is at the third slab's end, and is measured a little below it or above.
-    if (piece.kind == StackPiece::kTop) {
-      EXPECT_EQ(piece.slab, 2);
-    }
-  }
-  const Areas areas = AreasOf(outline);
-  EXPECT_NEAR(areas.up, 0.4 * 0.32, 0.05 * 0.4 * 0.32);
-  ASSERT_EQ(areas.aside.size(), 4u);
-  for (const auto& [heading, area] : areas.aside) {
-    const double expected = (std::abs(heading) == 90 ? 0.4 : 0.32) * 0.6;
-    EXPECT_NEAR(area, expected, 0.05 * expected) << heading;
-  }
-}
-
-// Of several boxes, what no other box covers: its area is known from the structure's sides.
-TEST(MakeStackOutline, PiecesAreThoseThatAreExposed) {
-  const Structure structure = PaperStructure();
-  const Areas areas = AreasOf(MakeStackOutline(structure, 16));
-  double up = 0;
-  std::map<int, double> aside;
-  for (const Side& side : structure.sides()) {
-    if (side.normal.y() > 0.9) up += side.exposed_area;
-    if (std::abs(side.normal.y()) < 0.1)
-      aside[static_cast<int>(std::lround(Heading(side.normal) * 180 / M_PI))] += side.exposed_area;
-  }
-  EXPECT_NEAR(areas.up, up, 0.07 * up);
-  ASSERT_EQ(areas.aside.size(), aside.size());
-  for (const auto& [heading, area] : areas.aside)
-    EXPECT_NEAR(area, aside.at(heading), 0.07 * aside.at(heading)) << heading;
-}
-
-TEST(MakeStackOutline, PiecesLieWhereTheSurfaceIs) {
-  const Structure structure = RandomStack(4);
-  const StackOutline outline = MakeStackOutline(structure);
-  const auto nearest = [&](const Eigen::Vector3d& p) {
-    double distance = 1e9;
-    for (const Side& side : structure.sides())
-      distance = std::min(distance, (side.ClosestPoint(p) - p).norm());
-    return distance;
-  };
-  const auto inside = [&](const Eigen::Vector3d& p) {
-    return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
-      const Eigen::Vector3d local = box.structure_from_box.inverse() * p;
-      return (local.cwiseAbs().array() < box.size.array() / 2 + 1e-9).all();
-    });
-  };
-  int deep = 0;
-  for (const StackPiece& piece : outline.pieces) {
-    ASSERT_TRUE(outline.Has(piece.slab));
-    const Eigen::Vector3d p =
-        outline.foot + Eigen::Vector3d(piece.x, (piece.slab + 0.5) * outline.slab, piece.z);
-    if (piece.kind == StackPiece::kInside) {
-      ++deep;
-      EXPECT_EQ(piece.weight, kInsideVote);
-      EXPECT_TRUE(inside(p));
-      EXPECT_GT(nearest(p), outline.cell) << "no measured surface can be there";
-    } else {
-      // Within its slab, of which the middle is taken here.
-      EXPECT_LT(nearest(p), outline.slab);
-    }
-  }
-  EXPECT_GT(deep, 10);
 }
 
 TEST(StackOutline, CountsSlabsFromTheFoot) {
@@ -531,34 +359,6 @@ const Eigen::Vector3d kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);
 /// Of 1 m^2.
 RoomPlane Plane(const Eigen::Vector3d& normal, double offset, double behind = 0.5) {
   return {normal, offset, 1, behind};
-}
-
-TEST(GuessFloors, IsWhatLittleLiesBehind) {
-  const std::vector<StandingGuess> guesses =
-      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, false);
-  ASSERT_EQ(guesses.size(), 2u);
-  EXPECT_EQ(guesses[0].up, kZ);
-  EXPECT_EQ(guesses[0].feet, std::vector<double>{-4});
-  EXPECT_EQ(guesses[1].up, kY);
-  EXPECT_EQ(guesses[1].feet, std::vector<double>{-1.2});
-  EXPECT_TRUE(guesses[1].yaws.empty()) << "every turn";
-}
-
-TEST(GuessFloors, ATableIsWhatMoreLiesBehind) {
-  const std::vector<StandingGuess> guesses =
-      GuessFloors({Plane(kZ, -4, 0), Plane(kY, -1.2, 0.05), Plane(kX, -2, 0.07)}, true);
-  ASSERT_EQ(guesses.size(), 1U);
-  EXPECT_EQ(guesses[0].up, kX);
-  EXPECT_EQ(guesses[0].feet, std::vector<double>{-2});
-}
-
-TEST(GuessFloors, AreFourAtMost) {
-  std::vector<RoomPlane> planes;
-  for (int k = 0; k < 6; ++k) planes.push_back(Plane(kY, -1 - k, 0));
-  const std::vector<StandingGuess> guesses = GuessFloors(planes, false);
-  ASSERT_EQ(guesses.size(), 4u);
-  EXPECT_EQ(guesses[3].feet, std::vector<double>{-4});
-  EXPECT_TRUE(GuessFloors({}, false).empty());
 }
 
 /// 0.5 m and 0.8 m high tops.
