@@ -465,6 +465,29 @@ TEST_F(ExportTest, PlyHoldsThePointsInTheStructureFrame) {
   EXPECT_FALSE(std::filesystem::exists(folder_.path() / "clouds" / "blind.ply"));
 }
 
+TEST_F(ExportTest, PosesAndCloudsAreInTheWorldOfTheUser) {
+  ExtrinsicsSource source;
+  source.world.emplace();
+  source.world->name = "robot";
+  source.world->world_from_structure.linear() = RotationExp(Eigen::Vector3d(M_PI / 2, 0.2, 0));
+  source.world->world_from_structure.translation() = Eigen::Vector3d(1, -2, 3);
+  source.world->covariance.setIdentity();
+  const Pose& world = source.world->world_from_structure;
+  const TempFolder folder;
+  WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure,
+                   source, std::nullopt);
+  const Extrinsics read = ReadExtrinsics(folder / "extrinsics.json");
+  EXPECT_EQ(read.world->name, "robot");
+  const Extrinsics::Sensor& left = Named("left", read);
+  EXPECT_TRUE(left.world_from_sensor->isApprox(world * *left.structure_from_sensor, 1e-9));
+  EXPECT_TRUE(left.world_covariance.isApprox(CovarianceInWorld(*read.world, left.covariance)));
+  EXPECT_FALSE(Named("blind", read).world_from_sensor);
+  const std::vector<PlyPoint> here = PlyPoints(folder / "clouds/left.ply"),
+                              there = PlyPoints(folder_ / "clouds/left.ply");
+  ASSERT_EQ(here.size(), there.size());
+  EXPECT_LT((here[9].p - world * there[9].p).norm(), 1e-5);
+}
+
 TEST_F(ExportTest, ResidualsAreDistancesToTheSideThatALabelNames) {
   // A network that takes everything for one side.
   FrameResult left = result_.sensors[0];

@@ -143,7 +143,7 @@ const std::vector<Eigen::Vector3d>& Turns() {
   return turns;
 }
 
-/// Captures with these placements, known to 1 mm and 0.03 deg.
+/// Captures with these placements, known worse along z and about x.
 CalibrationResult Captured(const std::vector<Pose>& placements, RandomStream* random) {
   CalibrationResult result;
   for (const Pose& placement : placements) {
@@ -153,7 +153,7 @@ CalibrationResult Captured(const std::vector<Pose>& placements, RandomStream* ra
     capture.first_from_placement = placement;
     if (!result.captures.empty()) {
       Vector6d sigmas;
-      sigmas << 0.001, 0.001, 0.001, 5e-4, 5e-4, 5e-4;
+      sigmas << 5e-4, 5e-4, 0.003, 0.0015, 3e-4, 3e-4;
       capture.covariance = sigmas.cwiseAbs2().asDiagonal();
       capture.first_from_placement = PerturbLeft(sigmas.cwiseProduct(Normal(random)), placement);
     }
@@ -172,7 +172,7 @@ TEST(WorldFrame, TheStructureInARobotsHand) {
         arm.observation, Captured(arm.first_from_placement, &random), PaperStructure());
     squares += Square(world.world_from_structure, RobotFromStructure(), world.covariance);
     EXPECT_TRUE(Within(ComparePoses(*world.carrier_from_structure, HandFromStructure()), 0.01, 1));
-    EXPECT_LT(*world.rms_m, 0.004);
+    EXPECT_LT(*world.rms_m, 0.006);
   }
   EXPECT_NEAR(squares / kTrials, 5.3, 1);
 }
