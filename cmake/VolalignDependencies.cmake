@@ -27,6 +27,8 @@ volalign_find(Eigen3 libeigen3-dev NO_MODULE)
 volalign_find(yaml-cpp libyaml-cpp-dev)
 volalign_find(fmt libfmt-dev)
 volalign_find(nlohmann_json nlohmann-json3-dev)
+volalign_find(assimp libassimp-dev)
+volalign_find(embree libembree-dev)
 volalign_find(TinyGLTF libtinygltf-dev)
 # ONNX's own config does not look for Protocol Buffers, which it names.
 volalign_find(Protobuf libprotobuf-dev)

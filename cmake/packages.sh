@@ -6,7 +6,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libtorch-dev libgloo-dev libopenblas0-pthread
   libeigen3-dev libnanoflann-dev libceres-dev libopencv-dev
   libegl-dev libegl1 libgl1-mesa-dri libepoxy-dev
-  libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
+  libassimp-dev libembree-dev libtinygltf-dev libyaml-cpp-dev nlohmann-json3-dev libpng-dev libssl-dev
   libcli11-dev libfmt-dev libonnx-dev libprotobuf-dev protobuf-compiler
   libjs-three
   pybind11-dev python3-dev

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <utility>
 
@@ -41,27 +42,60 @@ int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int target
   return static_cast<int>(model->accessors.size()) - 1;
 }
 
-tinygltf::Primitive MakePrimitive(tinygltf::Model* model, const Box& box, const Side& side) {
+/// What a side covers, as triangles in the structure frame, anticlockwise from outside. `index`:
+/// among the part's sides.
+std::vector<std::array<Eigen::Vector3d, 3>> TrianglesOf(const Box& part, int index) {
+  std::vector<std::array<Eigen::Vector3d, 3>> triangles;
+  const auto& all = part.mesh->triangles();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (part.mesh->FacetOf(static_cast<int>(i)) != index) continue;
+    auto& triangle = triangles.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Eigen::Vector3d& p = part.mesh->vertices()[static_cast<std::size_t>(all[i][k])];
+      triangle[k] = part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p);
+    }
+  }
+  return triangles;
+}
+
+void Append(const Eigen::Vector3d& v, std::vector<float>* numbers) {
+  for (const double x : v) numbers->push_back(static_cast<float>(x));
+}
+
+/// A side without material and extras. `index`: among the box's sides.
+tinygltf::Primitive MakeShape(tinygltf::Model* model, const Box& box, const Side& side, int index) {
   const Pose box_from_structure = box.structure_from_box.inverse();
   std::vector<float> positions, normals;
-  const Eigen::Vector3d normal = box_from_structure.linear() * side.normal;
-  for (const auto& [su, sv] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}}) {
-    const Eigen::Vector3f p =
-        (box_from_structure * Eigen::Vector3d(side.centre + su * side.half_u * side.axis_u +
-                                              sv * side.half_v * side.axis_v))
-            .cast<float>();
-    for (int i = 0; i < 3; ++i) {
-      positions.push_back(p[i]);
-      normals.push_back(static_cast<float>(normal[i]));
+  if (box.mesh) {
+    for (const auto& triangle : TrianglesOf(box, index)) {
+      const Eigen::Vector3d across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
+      const Eigen::Vector3d normal = across.norm() > 0 ? across.normalized() : side.normal;
+      for (const Eigen::Vector3d& corner : triangle) {
+        Append(box_from_structure * corner, &positions);
+        Append(box_from_structure.linear() * normal, &normals);
+      }
+    }
+  } else {
+    for (const auto& [su, sv] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}}) {
+      Append(box_from_structure * Eigen::Vector3d(side.centre + su * side.half_u * side.axis_u +
+                                                  sv * side.half_v * side.axis_v),
+             &positions);
+      Append(box_from_structure.linear() * side.normal, &normals);
     }
   }
   tinygltf::Primitive primitive;
   primitive.mode = TINYGLTF_MODE_TRIANGLES;
   primitive.attributes["POSITION"] = AddPositions(model, positions);
   primitive.attributes["NORMAL"] = AddFloats(model, normals, TINYGLTF_TYPE_VEC3);
-  primitive.indices = AddIndices(model, {0, 1, 2, 0, 2, 3});
+  if (!box.mesh) primitive.indices = AddIndices(model, {0, 1, 2, 0, 2, 3});
+  return primitive;
+}
+
+tinygltf::Primitive MakePrimitive(tinygltf::Model* model, const Box& box, const Side& side,
+                                  int index) {
+  tinygltf::Primitive primitive = MakeShape(model, box, side, index);
   tinygltf::Value::Object extras;
-  extras["side"] = tinygltf::Value(std::string(ToString(side.face)));
+  extras["side"] = tinygltf::Value(side.name.substr(box.name.size() + 1));
   extras["label"] = tinygltf::Value(static_cast<int>(side.label));
   extras["centre"] = Numbers({side.centre.x(), side.centre.y(), side.centre.z()});
   const Eigen::Vector3d& exposed = side.exposed_centroid;
@@ -147,9 +181,10 @@ std::vector<int> AddBoxes(tinygltf::Model* model, const Structure& structure) {
     const Box& box = structure.boxes()[b];
     tinygltf::Mesh mesh;
     mesh.name = box.name;
+    int index = 0;
     for (const Side& side : structure.sides()) {
       if (side.box == static_cast<int>(b))
-        mesh.primitives.push_back(MakePrimitive(model, box, side));
+        mesh.primitives.push_back(MakePrimitive(model, box, side, index++));
     }
     tinygltf::Node node;
     node.name = box.name;

@@ -38,9 +38,9 @@ void SetPose(tinygltf::Node* node, const Pose& parent_from_node);
 int AddNode(tinygltf::Model* model, tinygltf::Node node);
 int AddMesh(tinygltf::Model* model, tinygltf::Mesh mesh);
 
-/// Adds one named node per box (its transform is structure_from_box, metres, y up) and one
-/// primitive per side with extras {side, label, centre, exposed_centroid}. Returns the nodes, which
-/// have no parent yet.
+/// Adds one named node per part (its transform is structure_from_box, metres, y up) and one
+/// primitive per side with extras {side, label, centre, exposed_centroid}. `side` is its name
+/// without that of the part. Returns the nodes, which have no parent yet.
 std::vector<int> AddBoxes(tinygltf::Model* model, const Structure& structure);
 
 /// Writes the binary form, atomically. Throws IoError.

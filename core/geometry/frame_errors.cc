@@ -16,8 +16,29 @@ constexpr double kReachOfBox = 0.75;
 /// is).
 constexpr double kOnTops = 1.3;
 
-/// Calls visit(nearest, share of its reach) for the floor of an upright side, and for each box that
-/// rises in front of the side. `nearest` is the point nearest to q.
+/// The point nearest to q of the triangles that rise in front of a side and face q.
+std::optional<Eigen::Vector3d> NearestInFront(const Box& box, const Side& side,
+                                              const Eigen::Vector3d& q) {
+  const double scale = box.MeshScale(), plane = side.normal.dot(side.centre);
+  const Eigen::Vector3d local = box.structure_from_box.inverse() * q / scale;
+  const auto at = [&](const Eigen::Vector3d& p) {
+    return Eigen::Vector3d(box.structure_from_box * Eigen::Vector3d(scale * p));
+  };
+  const auto rises = [&](int triangle) {
+    const auto& corners = box.mesh->triangles()[static_cast<std::size_t>(triangle)];
+    const Eigen::Vector3d& first = box.mesh->vertices()[static_cast<std::size_t>(corners[0])];
+    if (!(box.mesh->NormalOf(triangle).dot(local - first) > 0)) return false;
+    return std::any_of(corners.begin(), corners.end(), [&](int i) {
+      return side.normal.dot(at(box.mesh->vertices()[static_cast<std::size_t>(i)])) > plane + kRise;
+    });
+  };
+  const PartMesh::Nearest nearest = box.mesh->NearestPoint(local, rises);
+  if (nearest.triangle < 0) return std::nullopt;
+  return at(nearest.point);
+}
+
+/// Calls visit(nearest, share of its reach) for the floor of an upright side, and for each part
+/// that rises in front of the side. `nearest` is the point nearest to q.
 template <class Visit>
 void ForEachSeam(const Structure& structure, const Side& side, const Eigen::Vector3d& q,
                  const Visit& visit) {
@@ -25,13 +46,17 @@ void ForEachSeam(const Structure& structure, const Side& side, const Eigen::Vect
     visit(Eigen::Vector3d(q.x(), std::min(q.y(), structure.FloorHeight()), q.z()), 1.0);
   const double plane = side.normal.dot(side.centre);
   for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
-    if (static_cast<int>(b) == side.box) continue;
     const Box& box = structure.boxes()[b];
+    if (static_cast<int>(b) == side.box && !box.mesh) continue;
     const Eigen::Matrix3d box_from_structure = box.structure_from_box.linear().transpose();
     const Eigen::Vector3d half = 0.5 * box.size;
     const double front = side.normal.dot(box.structure_from_box.translation()) +
                          (box_from_structure * side.normal).cwiseAbs().dot(half);
     if (front < plane + kRise) continue;
+    if (box.mesh) {
+      if (const auto nearest = NearestInFront(box, side, q)) visit(*nearest, kReachOfBox);
+      continue;
+    }
     const Eigen::Vector3d in_box = box_from_structure * (q - box.structure_from_box.translation());
     visit(Eigen::Vector3d(box.structure_from_box * in_box.cwiseMax(-half).cwiseMin(half).eval()),
           kReachOfBox);

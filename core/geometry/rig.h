@@ -143,7 +143,7 @@ struct Rig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure", structure, "structure file, .yaml");
+    ar("structure", structure, "structure file: .yaml, or a mesh (.glb, .gltf, .obj, .stl, .ply)");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("structure_yaw_deg", structure_yaw_deg,
        "turn of the structure about the vertical in the rig, deg; positive from +z towards +x, "

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -16,6 +17,8 @@ namespace {
 constexpr double kShortestBox = 0.1, kLongestBox = 5;  // m, of the longest edge
 constexpr double kWidestSlip = 0.05;  // m, from rough measures and slips; a wider gap is intended
 constexpr double kUpright = 1 - 1e-6;
+/// Least sum of squared cosines between the sides' normals and any direction: one side at 15 deg.
+constexpr double kLeastSpread = 0.07;
 
 /// Gap of two boxes along a direction; negative if they overlap.
 double GapAlong(const Box& a, const Box& b, const Eigen::Vector3d& direction) {
@@ -75,9 +78,10 @@ double Millimetres(double metres) { return std::round(1000 * metres); }
 class Stack {
  public:
   explicit Stack(const Structure& structure)
-      : boxes_(structure.boxes()), floor_(structure.FloorHeight()) {}
+      : structure_(structure), boxes_(structure.boxes()), floor_(structure.FloorHeight()) {}
 
   std::vector<StackFault> Faults() {
+    FindDirections();
     for (const Box& box : boxes_) FindUnits(box);
     for (std::size_t b = 0; b < boxes_.size(); ++b) {
       const bool shares = FindShared(b);
@@ -89,6 +93,26 @@ class Stack {
 
  private:
   void Add(bool impossible, std::string text) { faults_.push_back({impossible, std::move(text)}); }
+
+  /// Three planes fix a place.
+  void FindDirections() {
+    if (structure_.IsOfBoxes()) return;
+    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+    int sides = 0;
+    for (const Side& side : structure_.sides()) {
+      if (side.label == 0) continue;
+      spread += side.normal * side.normal.transpose();
+      ++sides;
+    }
+    const Eigen::Vector3d along =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread, Eigen::EigenvaluesOnly)
+            .eigenvalues();
+    if (along[0] > kLeastSpread) return;
+    Add(true,
+        fmt::format("the {} flat sides of the mesh face in fewer than three directions, so they "
+                    "do not fix a pose: take an object with more flat sides",
+                    sides));
+  }
 
   void FindUnits(const Box& box) {
     const double longest = box.size.maxCoeff();
@@ -104,6 +128,7 @@ class Stack {
   bool FindShared(std::size_t b) {
     bool shares = false;
     for (std::size_t a = 0; a < boxes_.size(); ++a) {
+      if (boxes_[a].mesh || boxes_[b].mesh) continue;
       const double depth = a == b ? 0 : -Gap(boxes_[a], boxes_[b]);
       if (depth <= kStackTolerance) continue;
       shares = true;
@@ -129,7 +154,7 @@ class Stack {
   void FindStanding(const Box& box) {
     const Eigen::AlignedBox3d around = Around(box);
     const double bottom = around.min().y();
-    if (bottom - floor_ <= kStackTolerance) return;
+    if (box.mesh || bottom - floor_ <= kStackTolerance) return;
     Eigen::AlignedBox3d support;  // as seen from above
     bool stands = false, carries = false;
     for (const Box& other : boxes_) {
@@ -171,6 +196,7 @@ class Stack {
   /// Gaps between a box and the earlier ones.
   void FindGaps(std::size_t b) {
     for (std::size_t a = 0; a < b; ++a) {
+      if (boxes_[a].mesh || boxes_[b].mesh) continue;
       const double gap = LevelGap(boxes_[a], boxes_[b]);
       if (gap <= kStackTolerance || gap > kWidestSlip ||
           GapAlong(boxes_[a], boxes_[b], Eigen::Vector3d::UnitY()) > -kStackTolerance)
@@ -181,6 +207,7 @@ class Stack {
     }
   }
 
+  const Structure& structure_;
   const std::vector<Box>& boxes_;
   double floor_;
   std::vector<StackFault> faults_;

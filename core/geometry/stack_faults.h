@@ -22,7 +22,8 @@ struct StackFault {
 /// on a box, by more than 5 cm. Doubtful: the same by less, beyond kStackTolerance. Boxes are also
 /// doubtful if their longest edge is less than 10 cm or more than 5 m, as in other units. So are
 /// gaps of up to 5 cm between boxes side by side, and boxes whose middle is beyond what they stand
-/// on.
+/// on. Impossible for meshes: fewer than three flat sides of different directions. How meshes
+/// stand and touch is not asked.
 std::vector<StackFault> FindStackFaults(const Structure& structure);
 
 /// Throws DataError with the sentence of the first impossible fault.

@@ -15,8 +15,10 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/shown_path.h"
 #include "core/base/text.h"
 #include "core/config/config.h"
+#include "core/geometry/mesh_file.h"
 #include "core/geometry/stack_faults.h"
 
 namespace volalign {
@@ -27,6 +29,7 @@ constexpr double kTiltedStrip = 2e-3;  // m: strip width if a covering box is no
 constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 m
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kFarthest = 1e3;  // m, of a box from the structure's origin
+constexpr int kGrid = 64;          // cells along a side whose exposed part has no simple form
 
 struct FaceAxes {
   Eigen::Vector3d normal, u, v;
@@ -56,10 +59,48 @@ std::pair<double, double> InsideBox(const Eigen::Vector3d& half, const Eigen::Ve
   return {low, high};
 }
 
+/// A side of a mesh, or one that a mesh may cover: by the middles of the cells of a grid.
+void ComputeExposureByGrid(const std::vector<Box>& boxes, Side* side) {
+  const double scale = side->outline_scale;
+  std::vector<const Box*> near;  // that reach in front of it
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    if (static_cast<int>(b) == side->box) continue;
+    const auto corners = boxes[b].Corners();
+    if (std::any_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& p) {
+          return side->normal.dot(p - side->centre) > 0;
+        }))
+      near.push_back(&boxes[b]);
+  }
+  const std::vector<Eigen::Vector2d> cells =
+      side->outline ? side->outline->open_cells : GridOver(side->half_u, side->half_v);
+  int exposed = 0;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& cell : cells) {
+    const Eigen::Vector2d at = scale * cell;
+    const Eigen::Vector3d p =
+        side->centre + at.x() * side->axis_u + at.y() * side->axis_v + kTouching * side->normal;
+    if (std::any_of(near.begin(), near.end(), [&](const Box* box) { return box->Contains(p); }))
+      continue;
+    ++exposed;
+    sum += at;
+  }
+  const double open = side->outline ? scale * scale * side->outline->open_area : side->Area();
+  side->exposed_area = cells.empty() ? open : open * exposed / static_cast<double>(cells.size());
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+  if (exposed > 0 && exposed < static_cast<int>(cells.size())) {
+    middle = sum / exposed;
+  } else if (side->outline) {
+    middle = scale * side->outline->open_centroid;
+  }
+  side->exposed_centroid = side->centre + middle.x() * side->axis_u + middle.y() * side->axis_v;
+}
+
 /// Cuts the side into strips along axis_v. Adds up the parts of each strip's middle line, kTouching
 /// above the side, that other boxes leave. The strips end at the covering boxes' edges, so the sum
 /// is exact for boxes parallel to the side. For others, strips are kTiltedStrip wide.
 void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
+  if (std::any_of(boxes.begin(), boxes.end(), [](const Box& box) { return box.mesh != nullptr; }))
+    return ComputeExposureByGrid(boxes, side);
   struct Cover {
     Eigen::Vector3d half, centre, axis_u, axis_v;  // of the side, in the covering box's frame
   };
@@ -127,8 +168,33 @@ void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
   }
 }
 
-Side MakeSide(const std::vector<Box>& boxes, int box_index, Face face) {
+/// A side of a mesh. `index`: of the facet.
+Side FacetSide(const Box& box, int index) {
+  const Facet& facet = box.mesh->facets()[static_cast<std::size_t>(index)];
+  const Eigen::Matrix3d& r = box.structure_from_box.linear();
+  const double scale = box.MeshScale();
+  Side side;
+  side.name = fmt::format("{}/{}", box.name, index + 1);
+  side.normal = r * facet.normal;
+  side.axis_u = r * facet.axis_u;
+  side.axis_v = r * facet.axis_v;
+  side.half_u = scale * facet.half_u;
+  side.half_v = scale * facet.half_v;
+  side.centre = box.structure_from_box * Eigen::Vector3d(scale * facet.centre);
+  side.outline = facet.outline;
+  side.outline_scale = scale;
+  return side;
+}
+
+/// `index`: of the side among its box's.
+Side MakeSide(const std::vector<Box>& boxes, int box_index, int index) {
   const Box& box = boxes[static_cast<std::size_t>(box_index)];
+  if (box.mesh) {
+    Side side = FacetSide(box, index);
+    side.box = box_index;
+    return side;
+  }
+  const Face face = kFaces.at(static_cast<std::size_t>(index));
   const FaceAxes axes = AxesOf(face);
   Side side;
   side.name = box.name + "/" + ToString(face);
@@ -145,6 +211,12 @@ Side MakeSide(const std::vector<Box>& boxes, int box_index, Face face) {
   return side;
 }
 
+/// Has a side a label? `index`: of the side among its box's.
+bool HasLabel(const Box& box, int index) {
+  const auto i = static_cast<std::size_t>(index);
+  return box.mesh ? box.mesh->facets()[i].labelled : kFaces.at(i) != Face::kDown;
+}
+
 }  // namespace
 
 Eigen::Vector3d FaceNormal(Face face) { return AxesOf(face).normal; }
@@ -155,6 +227,21 @@ Box Box::FromMinMax(std::string name, const Eigen::Vector3d& min, const Eigen::V
   box.size = max - min;
   box.structure_from_box.translation() = (min + max) / 2;
   return box;
+}
+
+Box Box::FromMesh(std::string name, std::shared_ptr<const PartMesh> mesh) {
+  Box box;
+  box.name = std::move(name);
+  box.size = mesh->size();
+  box.structure_from_box.translation() = mesh->middle();
+  box.mesh = std::move(mesh);
+  return box;
+}
+
+bool Box::Contains(const Eigen::Vector3d& p) const {
+  const Eigen::Vector3d local = structure_from_box.inverse() * p;
+  if ((local.cwiseAbs().array() > size.array() / 2).any()) return false;
+  return !mesh || mesh->Contains(local / MeshScale());
 }
 
 std::array<Eigen::Vector3d, 8> Box::Corners() const {
@@ -175,13 +262,72 @@ double Side::BulgeAt(const Eigen::Vector3d& p) const {
 
 Eigen::Vector3d Side::ClosestPoint(const Eigen::Vector3d& p) const {
   const Eigen::Vector3d d = p - centre;
-  return centre + std::clamp(d.dot(axis_u), -half_u, half_u) * axis_u +
-         std::clamp(d.dot(axis_v), -half_v, half_v) * axis_v;
+  Eigen::Vector2d at(d.dot(axis_u), d.dot(axis_v));
+  if (outline) {
+    at = outline_scale * outline->ClosestPoint(at / outline_scale);
+  } else {
+    at = {std::clamp(at.x(), -half_u, half_u), std::clamp(at.y(), -half_v, half_v)};
+  }
+  return centre + at.x() * axis_u + at.y() * axis_v;
+}
+
+double Side::Area() const {
+  return outline ? outline_scale * outline_scale * outline->area : 4 * half_u * half_v;
+}
+
+Eigen::Vector3d Side::Middle() const {
+  if (!outline) return centre;
+  const Eigen::Vector2d at = outline_scale * outline->centroid;
+  return centre + at.x() * axis_u + at.y() * axis_v;
+}
+
+Border Side::BorderAt(int i) const {
+  if (!outline) {
+    const double sign = i % 2 == 0 ? 1 : -1, extent = i < 2 ? half_u : half_v;
+    const Eigen::Vector3d outward = sign * (i < 2 ? axis_u : axis_v);
+    return {outward, extent, centre + extent * outward, 2 * (i < 2 ? half_v : half_u)};
+  }
+  const Outline::Border& border = outline->borders[static_cast<std::size_t>(i)];
+  const Eigen::Vector2d middle = outline_scale * (border.from + border.to) / 2;
+  return {border.outward.x() * axis_u + border.outward.y() * axis_v, border.outward.dot(middle),
+          centre + middle.x() * axis_u + middle.y() * axis_v,
+          outline_scale * (border.to - border.from).norm()};
+}
+
+double Side::Beyond(const Eigen::Vector3d& p, int* border) const {
+  const Eigen::Vector3d local = p - centre;
+  const Eigen::Vector2d at(local.dot(axis_u), local.dot(axis_v));
+  if (!outline) {
+    const double beyond_u = std::abs(at.x()) - half_u, beyond_v = std::abs(at.y()) - half_v;
+    if (border) *border = beyond_u > beyond_v ? (at.x() > 0 ? 0 : 1) : (at.y() > 0 ? 2 : 3);
+    return std::max(beyond_u, beyond_v);
+  }
+  const Eigen::Vector2d q = at / outline_scale;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < outline->borders.size(); ++i) {
+    const Outline::Border& of = outline->borders[i];
+    const Eigen::Vector2d along = of.to - of.from;
+    const double share = std::clamp(along.dot(q - of.from) / along.squaredNorm(), 0.0, 1.0);
+    const double distance = (of.from + share * along - q).norm();
+    if (distance >= least) continue;
+    least = distance;
+    if (border) *border = static_cast<int>(i);
+  }
+  return outline_scale * (outline->Contains(q) ? -least : least);
+}
+
+bool Structure::IsOfBoxes() const {
+  return std::none_of(boxes_.begin(), boxes_.end(),
+                      [](const Box& box) { return box.mesh != nullptr; });
+}
+
+bool Structure::Contains(const Eigen::Vector3d& p) const {
+  return std::any_of(boxes_.begin(), boxes_.end(), [&](const Box& box) { return box.Contains(p); });
 }
 
 Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
                                const std::vector<std::string>& label_order) {
-  if (boxes.empty()) throw DataError("a structure needs at least one box");
+  if (boxes.empty()) throw DataError("a structure needs at least one box or mesh");
   if (static_cast<int>(boxes.size()) > kMaxBoxes) {
     throw DataError(fmt::format("{} boxes violate boxes <= {} (labels are 8-bit, 5 per box)",
                                 boxes.size(), kMaxBoxes));
@@ -218,8 +364,9 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
   structure.name_ = std::move(name);
   structure.boxes_ = std::move(boxes);
   for (int b = 0; b < static_cast<int>(structure.boxes_.size()); ++b) {
-    for (const Face face : kFaces) {
-      Side side = MakeSide(structure.boxes_, b, face);
+    const Box& box = structure.boxes_[static_cast<std::size_t>(b)];
+    for (int i = 0; i < box.CountSides(); ++i) {
+      Side side = MakeSide(structure.boxes_, b, i);
       ComputeExposure(structure.boxes_, &side);
       structure.sides_.push_back(std::move(side));
     }
@@ -227,18 +374,24 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
 
   std::map<std::string, int> index_of;
   std::vector<std::string> order = label_order;
+  int first = 0;  // of the sides of the box
   for (int i = 0; i < static_cast<int>(structure.sides_.size()); ++i) {
     const Side& side = structure.sides_[static_cast<std::size_t>(i)];
-    if (side.face == Face::kDown) continue;
+    if (i > 0 && side.box != structure.sides_[static_cast<std::size_t>(i - 1)].box) first = i;
+    if (!HasLabel(structure.boxes_[static_cast<std::size_t>(side.box)], i - first)) continue;
     index_of[side.name] = i;
     if (label_order.empty()) order.push_back(side.name);
+  }
+  if (order.size() > kMaxLabels) {
+    throw DataError(fmt::format("{} sides with labels violate sides <= {}: simplify the mesh",
+                                order.size(), kMaxLabels));
   }
   structure.side_of_label_.assign(1, -1);
   for (const std::string& side_name : order) {
     const auto found = index_of.find(side_name);
     if (found == index_of.end()) {
       throw DataError(fmt::format(
-          "label {} names the side '{}', which does not exist, is a `down` side or is listed twice",
+          "label {} names the side '{}', which does not exist, has no label, or is listed twice",
           structure.side_of_label_.size(), Shortened(side_name)));
     }
     structure.sides_[static_cast<std::size_t>(found->second)].label =
@@ -250,6 +403,11 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
     throw DataError(fmt::format("side '{}' has no label", index_of.begin()->first));
   }
   structure.num_classes_ = static_cast<int>(structure.side_of_label_.size());
+  if (structure.num_classes_ == 1) {
+    throw DataError(
+        fmt::format("no side is flat and large enough: {:g} cm2, {:g} cm wide, and not facing down",
+                    1e4 * kLeastFacetArea, 1e2 * kLeastFacetWidth));
+  }
   return structure;
 }
 
@@ -260,9 +418,9 @@ const Side& Structure::SideOfLabel(int label) const {
   return sides_[static_cast<std::size_t>(side_of_label_[static_cast<std::size_t>(label)])];
 }
 
-const Eigen::Vector3d& Structure::Keypoint(int label, KeypointKind kind) const {
+Eigen::Vector3d Structure::Keypoint(int label, KeypointKind kind) const {
   const Side& side = SideOfLabel(label);
-  return kind == KeypointKind::kCentre ? side.centre : side.exposed_centroid;
+  return kind == KeypointKind::kCentre ? side.Middle() : side.exposed_centroid;
 }
 
 namespace {
@@ -290,6 +448,11 @@ std::string Structure::Hash() const {
     for (const auto& row : ToRows(box.structure_from_box)) {
       for (const double x : row) text += fmt::format("{} ", std::llround(x * 1e6));
     }
+    if (!box.mesh) continue;
+    for (const Eigen::Vector3d& p : box.mesh->vertices())
+      for (const double x : p) text += fmt::format("{} ", std::llround(x * 1e6));
+    for (const PartMesh::Triangle& triangle : box.mesh->triangles())
+      text += fmt::format("{} ", fmt::join(triangle, " "));
   }
   for (const std::string& side : SideNames()) text += side + ";";
   return Sha256(text);
@@ -318,9 +481,12 @@ Structure Structure::DisplacedToDraw(const std::vector<Pose>& offsets, double si
   }
   Structure moved = *this;
   moved.boxes_ = boxes;
-  for (Side& side : moved.sides_) {
+  int index = 0;  // among the box's
+  for (std::size_t i = 0; i < moved.sides_.size(); ++i) {
+    Side& side = moved.sides_[i];
+    index = i > 0 && side.box == moved.sides_[i - 1].box ? index + 1 : 0;
     const std::uint8_t label = side.label;
-    side = MakeSide(moved.boxes_, side.box, side.face);
+    side = MakeSide(moved.boxes_, side.box, index);
     side.label = label;
     side.exposed_area = kNan;
     side.exposed_centroid.setConstant(kNan);
@@ -349,6 +515,22 @@ struct StructureFile {
       ar("yaw_deg", yaw_deg, "turn about the vertical through the box's centre");
     }
   };
+  struct MeshEntry {
+    std::string name, file;
+    double scale = 1;
+    MeshUp up = MeshUp::kFormat;
+    std::vector<double> vertices;
+    std::vector<int> triangles;
+    template <class Archive>
+    void Describe(Archive& ar) {
+      ar("name", name, "of the part; of a file, its nodes' names");
+      ar("file", file, "glTF, OBJ, STL or PLY, relative to this file");
+      ar("scale", scale, "metres per unit of the file", Above(0));
+      ar("up", up, "the axis of the file that points up");
+      ar("vertices", vertices, "in place of a file: x, y, z of each, mm");
+      ar("triangles", triangles, "three vertices each, from 0, anticlockwise from outside");
+    }
+  };
   struct LabelEntry {
     int id = 0;
     std::string side;
@@ -370,13 +552,15 @@ struct StructureFile {
   };
   std::string name;
   std::vector<BoxEntry> boxes;
+  std::vector<MeshEntry> meshes;
   Sides sides;
   std::vector<LabelEntry> labels;
 
   template <class Archive>
   void Describe(Archive& ar) {
     ar("name", name, "of the structure");
-    ar("boxes", boxes, "a list of {name, x, y, z}", Required());
+    ar("boxes", boxes, "a list of {name, x, y, z}");
+    ar("meshes", meshes, "a list of {file} or {name, vertices, triangles}");
     ar("sides", sides, "the normals of the sides");
     ar("labels", labels, "the sides in the order of their labels");
   }
@@ -402,19 +586,62 @@ Box BoxOf(const StructureFile::BoxEntry& entry, const ConfigSource& source,
   return box;
 }
 
+void AppendMesh(const StructureFile::MeshEntry& entry, const std::filesystem::path& beside,
+                std::vector<Box>* boxes) {
+  if (!entry.file.empty()) {
+    std::filesystem::path file = beside / entry.file;
+    if (!std::filesystem::exists(file)) file = FindInputFile(entry.file);
+    try {
+      for (Box& part : ReadMeshParts(file, entry.scale, entry.up))
+        boxes->push_back(std::move(part));
+    } catch (const DataError& e) {
+      throw DataError(fmt::format("{}: {}", ShownPath(file), e.what()));
+    }
+    return;
+  }
+  std::vector<double> metres = entry.vertices;
+  for (double& x : metres) x *= kMillimetre;
+  try {
+    boxes->push_back(Box::FromMesh(entry.name, PartMesh::Make(metres, entry.triangles)));
+  } catch (const DataError& e) {
+    throw DataError(fmt::format("mesh '{}': {}", Shortened(entry.name), e.what()));
+  }
+}
+
+StructureFile::MeshEntry EntryOf(const Box& box) {
+  const auto rounded = [](double mm) { return std::round(mm * 1e6) / 1e6; };
+  StructureFile::MeshEntry entry;
+  entry.name = box.name;
+  for (const Eigen::Vector3d& p : box.mesh->vertices()) {
+    const Eigen::Vector3d mm =
+        box.structure_from_box * Eigen::Vector3d(box.MeshScale() * p) / kMillimetre;
+    for (const double x : mm) entry.vertices.push_back(rounded(x));
+  }
+  for (const PartMesh::Triangle& triangle : box.mesh->triangles())
+    entry.triangles.insert(entry.triangles.end(), triangle.begin(), triangle.end());
+  return entry;
+}
+
+Structure ReadMeshStructure(const std::filesystem::path& path) {
+  try {
+    Structure structure =
+        Structure::FromBoxes(path.stem().string(), ReadMeshParts(FindInputFile(path.string())));
+    RequireStack(structure);
+    return structure;
+  } catch (const DataError& e) {
+    throw ConfigError(fmt::format("{}: {}", ShownPath(path), e.what()));
+  }
+}
+
 }  // namespace
 
 Structure ReadStructure(const std::filesystem::path& file_path) {
   const std::string path = file_path.string(), ending = file_path.extension().string();
-  if (ending == ".glb") {
-    throw ConfigError(fmt::format(
-        "{}: a .glb shows a structure and is not read; give the .yaml that it was built "
-        "from, as --structure FILE.yaml or in the place of its name in capture.json",
-        path));
-  }
+  if (IsMeshFile(file_path)) return ReadMeshStructure(file_path);
   if (ending != ".yaml" && ending != ".yml")
-    throw ConfigError(fmt::format("{}: a structure is a .yaml file", path));
-  const auto source = ConfigSource::FromString(ReadFile(FindInputFile(path), kMaxTextBytes), path);
+    throw ConfigError(fmt::format("{}: a structure is a .yaml file or a mesh", path));
+  const std::string found = FindInputFile(path);
+  const auto source = ConfigSource::FromString(ReadFile(found, kMaxTextBytes), path);
   StructureFile start;
   start.name = file_path.stem().string();
   const StructureFile file = ReadConfig(source, start);
@@ -431,6 +658,8 @@ Structure ReadStructure(const std::filesystem::path& file_path) {
     }
   }
   try {
+    for (const StructureFile::MeshEntry& entry : file.meshes)
+      AppendMesh(entry, std::filesystem::path(found).parent_path(), &boxes);
     Structure structure = Structure::FromBoxes(file.name, std::move(boxes), order);
     RequireStack(structure);
     return structure;
@@ -444,6 +673,10 @@ std::string StructureYaml(const Structure& structure) {
   StructureFile file;
   file.name = structure.name();
   for (const Box& box : structure.boxes()) {
+    if (box.mesh) {
+      file.meshes.push_back(EntryOf(box));
+      continue;
+    }
     const Eigen::Matrix3d r = box.structure_from_box.linear();
     if (r(1, 1) < 1 - 1e-9) {
       throw DataError(fmt::format("box '{}' leans; the boxes of a structure file stand upright",

@@ -4,10 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "core/config/config_word.h"
+#include "core/geometry/part_mesh.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {
@@ -26,54 +28,81 @@ constexpr Words<Face, 6> WordsOf(Face) {
 }
 Eigen::Vector3d FaceNormal(Face face);
 
-/// Boxes cover each other if their gap, m, is smaller.
-inline constexpr double kTouching = 1e-3;
-
-/// Labels are uint8, 5 per box.
-inline constexpr int kMaxBoxes = 51;
+/// Labels are uint8; a box has 5.
+inline constexpr int kMaxLabels = 255, kMaxBoxes = kMaxLabels / 5;
 /// Limits of a described box's edges, m. Values beyond them are in other units.
 inline constexpr double kShortestEdge = 0.01, kLongestEdge = 100;
 
-/// A solid box: `size` along its own axes, m. The centre is the origin of its frame, at
-/// structure_from_box in the structure frame.
+/// A solid, rigid part of a structure: a box of `size` along its own axes, m, or a mesh within such
+/// a box. The box's centre is the origin of its frame, at structure_from_box in the structure
+/// frame.
 struct Box {
   std::string name;
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
   Pose structure_from_box = Pose::Identity();
+  std::shared_ptr<const PartMesh> mesh = nullptr;  ///< null: the whole box
 
   static Box FromMinMax(std::string name, const Eigen::Vector3d& min, const Eigen::Vector3d& max);
+  /// Where the mesh's vertices were given.
+  static Box FromMesh(std::string name, std::shared_ptr<const PartMesh> mesh);
 
   /// Corners in the structure frame.
   std::array<Eigen::Vector3d, 8> Corners() const;
+  /// How much larger the part is than its mesh.
+  double MeshScale() const { return size.x() / mesh->size().x(); }
+  /// Is p, in the structure frame, inside?
+  bool Contains(const Eigen::Vector3d& p) const;
+  /// Number of its sides.
+  int CountSides() const { return mesh ? static_cast<int>(mesh->facets().size()) : 6; }
 };
 
-/// One rectangular side of a box, in the structure frame, metres.
+/// A straight piece of a side's border: outward . (p - centre of the side) = extent.
+struct Border {
+  Eigen::Vector3d outward;  ///< unit, in the side's plane
+  double extent = 0;        ///< m
+  Eigen::Vector3d middle;
+  double length = 0;  ///< m
+};
+
+/// A side of a part, in the structure frame, metres: of a box, a rectangle; of a mesh, a facet.
 struct Side {
-  std::string name;  ///< "top/front"
-  int box = 0;       ///< index into Structure::boxes()
-  Face face = Face::kFront;
-  std::uint8_t label = 0;  ///< 0 for every `down` side, which is solid but background
-  Eigen::Vector3d centre;
-  Eigen::Vector3d normal;            ///< outward, unit
-  Eigen::Vector3d axis_u, axis_v;    ///< unit, in the plane; axis_u x axis_v = normal
-  double half_u = 0, half_v = 0;     ///< half extents along them
+  std::string name;                        ///< "top/front", "shelf/3"
+  int box = 0;                             ///< index into Structure::boxes()
+  Face face = Face::kFront;                ///< of a box; of a mesh, no matter
+  std::uint8_t label = 0;                  ///< 0: solid but background, as every `down` side is
+  Eigen::Vector3d centre;                  ///< of the rectangle around it
+  Eigen::Vector3d normal;                  ///< outward, unit
+  Eigen::Vector3d axis_u, axis_v;          ///< unit, in the plane; axis_u x axis_v = normal
+  double half_u = 0, half_v = 0;           ///< half extents along them
+  std::shared_ptr<const Outline> outline;  ///< within the rectangle; null: all of it
+  double outline_scale = 1;
   double exposed_area = 0;           ///< m^2 not covered by another box
   Eigen::Vector3d exposed_centroid;  ///< of that area; the centre if nothing is exposed
 
-  /// Closest point of the finite rectangle to p.
+  /// Closest point of the finite side to p.
   Eigen::Vector3d ClosestPoint(const Eigen::Vector3d& p) const;
+  double Area() const;  ///< m^2
+  /// The point that its symmetries leave where it is: the centre of area.
+  Eigen::Vector3d Middle() const;
+  /// Along its border as seen from outside. A rectangle's are at +u, -u, +v and -v.
+  int CountBorders() const { return outline ? static_cast<int>(outline->borders.size()) : 4; }
+  Border BorderAt(int i) const;
+  /// Distance of a point of the side's plane beyond its border, m; negative within it. `border`:
+  /// the one that it lies farthest beyond, or nearest to.
+  double Beyond(const Eigen::Vector3d& p, int* border = nullptr) const;
   /// Displacement of the side at its point p, as a share of the bulge in its middle: half a sine
   /// along both edges.
   double BulgeAt(const Eigen::Vector3d& p) const;
 };
 
-/// The point that represents a side: its centre (the paper), or its exposed part's centroid.
+/// The point that represents a side: its Middle (the paper), or its exposed part's centroid.
 enum class KeypointKind { kCentre, kExposed };
 constexpr Words<KeypointKind, 2> WordsOf(KeypointKind) {
   return {{{"centre", KeypointKind::kCentre}, {"exposed", KeypointKind::kExposed}}};
 }
 
-/// A stack of boxes with labelled sides. Immutable after construction; cheap to copy.
+/// A stack of boxes or other parts with labelled sides. Immutable after construction; cheap to
+/// copy.
 class Structure {
  public:
   Structure() = default;
@@ -82,24 +111,28 @@ class Structure {
   /// numbered box by box in the order front, back, up, right, left. Throws DataError for duplicate
   /// or empty names, for names that RequirePlainName refuses, and for more than kMaxBoxes boxes. It
   /// throws the same for boxes more than 1 km away or with an edge outside of kShortestEdge to
-  /// kLongestEdge. A label order has to name every side but `down` once.
+  /// kLongestEdge. A label order has to name every side that has a label once.
   static Structure FromBoxes(std::string name, std::vector<Box> boxes,
                              const std::vector<std::string>& label_order = {});
 
   const std::string& name() const { return name_; }
   const std::vector<Box>& boxes() const { return boxes_; }
-  /// All 6 sides of every box, box by box in the order of kFaces.
+  /// Are all parts boxes?
+  bool IsOfBoxes() const;
+  bool Contains(const Eigen::Vector3d& p) const;  ///< Is p inside of a part?
+  /// All sides of every part. A box has 6, in the order of kFaces.
   const std::vector<Side>& sides() const { return sides_; }
   /// The side of a label in [1, num_classes). Throws Error for others.
   const Side& SideOfLabel(int label) const;
   /// Number of labels including background (21 for the paper's structure).
   int num_classes() const { return num_classes_; }
-  const Eigen::Vector3d& Keypoint(int label, KeypointKind kind) const;
+  Eigen::Vector3d Keypoint(int label, KeypointKind kind) const;
   /// Lowest y: the floor.
   double FloorHeight() const;
   /// Height between the floor and the highest point, m.
   double Height() const;
-  /// SHA-256 over names, sizes, poses (to 1 um) and labels: it identifies dimensions and topology.
+  /// SHA-256 over names, sizes, poses, vertices (to 1 um), triangles and labels: it identifies
+  /// dimensions and topology.
   std::string Hash() const;
   /// The names of all labels in order. Structures with equal topologies have equal side names.
   std::vector<std::string> SideNames() const;
@@ -120,10 +153,10 @@ class Structure {
   int num_classes_ = 1;
 };
 
-/// Reads a .yaml of boxes (configs/structure.yaml): millimetres, `boxes`, optional `labels`,
-/// `name`. A box has x, y, z as [min, max] and optionally `yaw_deg` about the vertical through its
-/// centre. Throws IoError or ConfigError, also for a stack with an impossible StackFault
-/// (stack_faults.h), and for a file of another ending.
+/// Reads a structure: a .yaml of boxes or meshes (configs/structure.yaml), lengths in millimetres,
+/// or a mesh (mesh_file.h). A box has x, y, z as [min, max] and optionally `yaw_deg` about the
+/// vertical through its centre. A mesh is a `file` or has `vertices` and `triangles`. Throws
+/// IoError or ConfigError, also for a structure with an impossible StackFault (stack_faults.h).
 Structure ReadStructure(const std::filesystem::path& path);
 
 /// The text that ReadStructure reads as the same structure, to 1 nm. Throws DataError for a tilted

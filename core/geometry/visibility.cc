@@ -9,9 +9,10 @@ namespace volalign {
 
 namespace {
 
-/// A box for the slab test: rotations and origins in its own frame.
+/// A part for the tests with rays: rotations and origins in its own frame.
 struct LocalBox {
-  int index = 0;  // into the structure's boxes
+  const Box* box = nullptr;
+  int first_side = 0;  // index into the structure's sides
   Eigen::Matrix3d box_from_ray;
   Eigen::Vector3d origin;  // ray origin in the box's frame
   Eigen::Vector3d half;
@@ -30,10 +31,15 @@ constexpr int kNoAxis = -1;
 constexpr int kTile = 8;
 constexpr double kRounding = 1e-6;
 
-/// Entry of the ray origin + t * direction into the box from outside. Returns false if there is no
-/// hit.
-bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* axis,
-              bool* positive) {
+/// Index among a box's sides.
+int SideIndex(int axis, bool positive) {
+  // kFaces: front +x, back -x, up +y, down -y, right +z, left -z.
+  return axis * 2 + (positive ? 0 : 1);
+}
+
+/// Entry of the ray origin + t * direction into the box from outside. `side`: index among the box's
+/// sides. Returns false if there is no hit.
+bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, int* side) {
   const Eigen::Vector3d d = box.box_from_ray * direction;
   double enter = -std::numeric_limits<double>::infinity();
   double leave = std::numeric_limits<double>::infinity();
@@ -55,26 +61,33 @@ bool SlabTest(const LocalBox& box, const Eigen::Vector3d& direction, double* t, 
   }
   if (enter_axis == kNoAxis || !(enter > 0) || enter > leave) return false;
   *t = enter;
-  *axis = enter_axis;
-  *positive = d[enter_axis] < 0;
+  *side = SideIndex(enter_axis, d[enter_axis] < 0);
   return true;
 }
 
-int SideIndex(int box, int axis, bool positive) {
-  // kFaces: front +x, back -x, up +y, down -y, right +z, left -z.
-  return box * 6 + axis * 2 + (positive ? 0 : 1);
+/// The same for a mesh, in whose frame lengths are divided by its scale.
+bool MeshTest(const LocalBox& local, const Eigen::Vector3d& direction, double* t, int* side) {
+  const double scale = local.box->MeshScale();
+  const auto hit =
+      local.box->mesh->FirstHit(local.origin / scale, local.box_from_ray * direction / scale);
+  if (!hit) return false;
+  *t = hit->t;
+  *side = local.box->mesh->FacetOf(hit->triangle);
+  return true;
 }
 
 std::vector<LocalBox> LocalBoxes(const Structure& structure, const Eigen::Vector3d& origin,
                                  const Eigen::Matrix3d& structure_from_ray) {
   std::vector<LocalBox> boxes;
+  int first_side = 0;
   for (const Box& box : structure.boxes()) {
     const Pose box_from_structure = box.structure_from_box.inverse();
     const Eigen::Vector3d centre =
         structure_from_ray.transpose() * (box.structure_from_box.translation() - origin);
-    boxes.push_back({static_cast<int>(boxes.size()),
-                     box_from_structure.linear() * structure_from_ray, box_from_structure * origin,
-                     box.size / 2, centre, centre.squaredNorm() - box.size.squaredNorm() / 4});
+    boxes.push_back({&box, first_side, box_from_structure.linear() * structure_from_ray,
+                     box_from_structure * origin, box.size / 2, centre,
+                     centre.squaredNorm() - box.size.squaredNorm() / 4});
+    first_side += box.CountSides();
   }
   return boxes;
 }
@@ -83,13 +96,11 @@ RayHit FirstHit(const std::vector<LocalBox>& boxes, const Eigen::Vector3d& direc
   RayHit hit;
   for (const LocalBox& box : boxes) {
     double t = 0;
-    int axis = 0;
-    bool positive = false;
+    int side = 0;
     if (box.IsPassedBy(direction)) continue;
-    if (SlabTest(box, direction, &t, &axis, &positive) && t < hit.t) {
-      hit.t = t;
-      hit.side = SideIndex(box.index, axis, positive);
-    }
+    const bool hits =
+        box.box->mesh ? MeshTest(box, direction, &t, &side) : SlabTest(box, direction, &t, &side);
+    if (hits && t < hit.t) hit = {box.first_side + side, t};
   }
   return hit;
 }
@@ -154,21 +165,28 @@ ExpectedView CastView(const Structure& structure, const RayTable& rays,
 }
 
 SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vector3d& p) {
-  SurfaceDistance best;
-  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
-    const Box& box = structure.boxes()[b];
+  SurfaceDistance best;  // `distance` is its square
+  int first_side = 0;
+  for (const Box& box : structure.boxes()) {
     const Eigen::Vector3d local =
         box.structure_from_box.linear().transpose() * (p - box.structure_from_box.translation());
     const Eigen::Vector3d beyond = local.cwiseAbs() - box.size / 2;
     int axis = 0;  // of the side: the first that p lies beyond or, within the box, the nearest
     const double farthest = beyond.maxCoeff(&axis);
-    double squared = farthest * farthest;
-    if (farthest > 0) {
-      squared = beyond.cwiseMax(0).squaredNorm();
-      for (axis = 0; !(beyond[axis] > 0);) ++axis;
+    double squared = farthest > 0 ? beyond.cwiseMax(0).squaredNorm() : farthest * farthest;
+    int side = 0;
+    if (!box.mesh) {
+      if (farthest > 0)
+        for (axis = 0; !(beyond[axis] > 0);) ++axis;
+      side = SideIndex(axis, local[axis] > 0);
+    } else if (farthest <= 0 || squared < best.distance) {
+      const double scale = box.MeshScale();
+      const PartMesh::Nearest nearest = box.mesh->NearestPoint(local / scale);
+      squared = scale * scale * nearest.squared_distance;
+      side = box.mesh->FacetOf(nearest.triangle);
     }
-    if (squared < best.distance)
-      best = {squared, SideIndex(static_cast<int>(b), axis, local[axis] > 0)};
+    if (squared < best.distance) best = {squared, first_side + side};
+    first_side += box.CountSides();
   }
   best.distance = std::sqrt(best.distance);
   return best;
@@ -177,7 +195,7 @@ SurfaceDistance DistanceToSurface(const Structure& structure, const Eigen::Vecto
 std::vector<Eigen::Vector3d> SampleExposedSurface(const Structure& structure, double spacing) {
   std::vector<Eigen::Vector3d> points;
   for (const Side& side : structure.sides()) {
-    if (side.face == Face::kDown) continue;
+    if (side.label == 0) continue;
     const int nu = std::max(1, static_cast<int>(std::lround(2 * side.half_u / spacing)));
     const int nv = std::max(1, static_cast<int>(std::lround(2 * side.half_v / spacing)));
     for (int i = 0; i < nu; ++i) {
@@ -185,13 +203,12 @@ std::vector<Eigen::Vector3d> SampleExposedSurface(const Structure& structure, do
         const Eigen::Vector3d p = side.centre +
                                   side.half_u * ((2 * i + 1.0) / nu - 1) * side.axis_u +
                                   side.half_v * ((2 * j + 1.0) / nv - 1) * side.axis_v;
+        if (side.outline && side.Beyond(p) > 0) continue;
         bool covered = false;
         for (std::size_t b = 0; b < structure.boxes().size() && !covered; ++b) {
-          if (static_cast<int>(b) == side.box) continue;
           const Box& box = structure.boxes()[b];
-          const Eigen::Vector3d local =
-              box.structure_from_box.inverse() * Eigen::Vector3d(p + kTouching * side.normal);
-          covered = (local.cwiseAbs().array() <= box.size.array() / 2).all();
+          covered = (static_cast<int>(b) != side.box || box.mesh) &&
+                    box.Contains(p + kTouching * side.normal);
         }
         if (!covered) points.push_back(p);
       }

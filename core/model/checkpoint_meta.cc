@@ -30,6 +30,19 @@ void Describe(Archive& ar, Box& box) {
   ar("name", box.name);
   ar("size", box.size);
   ar("structure_from_box", box.structure_from_box);
+  std::vector<double> vertices;  // x, y, z of each, in the part's frame, m
+  std::vector<int> triangles;
+  if (box.mesh) {
+    for (const Eigen::Vector3d& p : box.mesh->vertices())
+      vertices.insert(vertices.end(), p.begin(), p.end());
+    for (const PartMesh::Triangle& triangle : box.mesh->triangles())
+      triangles.insert(triangles.end(), triangle.begin(), triangle.end());
+  }
+  ar.Optional("vertices", vertices);
+  ar.Optional("triangles", triangles);
+  if constexpr (Archive::kReading) {
+    if (!triangles.empty()) box.mesh = PartMesh::Make(vertices, triangles);
+  }
 }
 
 template <class Archive>

@@ -19,6 +19,7 @@ constexpr double kMagnification = 20;          // of the errors' ellipses
 constexpr double kSigmas = 2;                  // their half axes
 constexpr double kBeyondStack = 0.5;           // m
 constexpr double kLegendHeight = 92;           // px
+constexpr double kFacesUp = 0.1;               // y of a normal: narrower strips are not drawn
 
 /// Structure frame, seen from above, to px: x to the right, z downwards.
 class Paper {
@@ -143,13 +144,48 @@ void DrawLegend(const Paper& paper, const LegendFromAbove& legend, bool has_elli
 
 }  // namespace
 
-std::vector<Eigen::Vector3d> TopOf(const Box& box) {
-  std::vector<Eigen::Vector3d> corners;
-  for (const auto& [x, z] : {std::pair{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}}) {
-    corners.push_back(box.structure_from_box *
-                      Eigen::Vector3d(x * box.size.x(), 0.5 * box.size.y(), z * box.size.z()));
+void DrawFromAbove(const Box& part, const std::function<Svg::Point(const Eigen::Vector3d&)>& at,
+                   const std::string& css_class, Svg* svg) {
+  const auto place = [&](const Eigen::Vector3d& p) { return at(part.structure_from_box * p); };
+  if (!part.mesh) {
+    const Eigen::Vector3d half = part.size / 2;
+    std::vector<Svg::Point> corners;
+    for (const auto& [x, z] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}})
+      corners.push_back(place({x * half.x(), half.y(), z * half.z()}));
+    return svg->Polygon(corners, fmt::format("class=\"{}\"", css_class), part.name);
   }
-  return corners;
+  // One path each: surfaces one above another are not darker.
+  std::string surface, borders;
+  const auto add = [&](char command, const Eigen::Vector3d& p, std::string* path) {
+    const Svg::Point q = place(part.MeshScale() * p);
+    *path += fmt::format("{}{:.1f} {:.1f}", command, q.x, q.y);
+  };
+  const auto faces_up = [&](const Eigen::Vector3d& normal) {
+    return part.structure_from_box.linear().row(1).dot(normal) > kFacesUp;
+  };
+  for (std::size_t i = 0; i < part.mesh->triangles().size(); ++i) {
+    if (!faces_up(part.mesh->NormalOf(static_cast<int>(i)))) continue;
+    char command = 'M';
+    for (const int vertex : part.mesh->triangles()[i]) {
+      add(command, part.mesh->vertices()[static_cast<std::size_t>(vertex)], &surface);
+      command = 'L';
+    }
+    surface += "Z";
+  }
+  for (const Facet& facet : part.mesh->facets()) {
+    if (!faces_up(facet.normal)) continue;
+    for (const Outline::Border& border : facet.outline->borders) {
+      const auto end = [&](const Eigen::Vector2d& p) {
+        return Eigen::Vector3d(facet.centre + p.x() * facet.axis_u + p.y() * facet.axis_v);
+      };
+      add('M', end(border.from), &borders);
+      add('L', end(border.to), &borders);
+    }
+  }
+  svg->Element("path",
+               fmt::format("class=\"{}\" style=\"stroke:none\" d=\"{}\"", css_class, surface));
+  svg->Element("path",
+               fmt::format("class=\"{}\" style=\"fill:none\" d=\"{}\"", css_class, borders));
 }
 
 void DrawAxes(const Svg::Point& origin, double length, Svg* svg) {
@@ -169,8 +205,10 @@ std::string RigFromAbove(const Structure& structure, const std::vector<SensorFro
           ".rig-axis{fill:none;stroke:#222;stroke-width:1.5}",
           (paper.width() - width) / 2);
   for (const SensorFromAbove& sensor : sensors) DrawView(sensor, paper, &svg);
-  for (const Box& box : structure.boxes())
-    svg.Polygon(paper.At(TopOf(box)), "class=\"rig-box\"", box.name);
+  for (const Box& part : structure.boxes()) {
+    DrawFromAbove(
+        part, [&](const Eigen::Vector3d& p) { return paper.At(p); }, "rig-box", &svg);
+  }
   DrawAxes(paper.At(Eigen::Vector3d(Eigen::Vector3d::Zero())), 0.5 * kPixelsAMetre, &svg);
   for (const SensorFromAbove& sensor : sensors) DrawSensor(sensor, paper, &svg);
   const bool has_ellipses =

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -39,8 +40,11 @@ struct LegendFromAbove {
 std::string RigFromAbove(const Structure& structure, const std::vector<SensorFromAbove>& sensors,
                          const LegendFromAbove& legend);
 
-/// Corners of a box's upper side, in order, structure frame, m.
-std::vector<Eigen::Vector3d> TopOf(const Box& box);
+/// Draws a part from above: the upper side of a box, or the triangles of a mesh that face up, and
+/// their borders. `at`: the place of a point of the structure frame. `css_class` has fill and
+/// stroke.
+void DrawFromAbove(const Box& part, const std::function<Svg::Point(const Eigen::Vector3d&)>& at,
+                   const std::string& css_class, Svg* svg);
 
 /// The structure's axes from above, x to the right and z downwards, `length` px long.
 void DrawAxes(const Svg::Point& origin, double length, Svg* svg);

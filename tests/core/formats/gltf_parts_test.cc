@@ -17,6 +17,7 @@
 #include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/glb_chunks.h"
+#include "tests/core/geometry/mesh_shapes.h"
 
 namespace volalign::gltf_parts_test {
 namespace {
@@ -250,6 +251,39 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
   ExpectError<IoError>(
       [] { WriteStructureGlb("/proc/none/a.glb", ReadStructure("configs/structure.yaml")); },
       {"/proc/none"});
+}
+
+// Another reader, Assimp, finds the same parts and sides.
+TEST(WriteStructureGlb, AMeshReadsBack) {
+  const TempFolder folder;
+  for (const mesh_shapes::Shape& shape : mesh_shapes::TenShapes()) {
+    const Structure mesh = mesh_shapes::StructureOf(shape);
+    WriteStructureGlb(folder / "a.glb", mesh);
+    const Structure read = ReadStructure(folder / "a.glb");
+    ASSERT_EQ(read.boxes().size(), mesh.boxes().size()) << shape.name;
+    EXPECT_EQ(read.num_classes(), mesh.num_classes()) << shape.name;
+    double area = 0, read_area = 0;
+    for (const Side& side : mesh.sides()) area += side.Area();
+    for (const Side& side : read.sides()) read_area += side.Area();
+    EXPECT_NEAR(read_area, area, 1e-4) << shape.name;
+    for (std::size_t b = 0; b < read.boxes().size(); ++b) {
+      EXPECT_EQ(read.boxes()[b].name, mesh.boxes()[b].name);
+      EXPECT_LT((read.boxes()[b].size - mesh.boxes()[b].size).norm(), 1e-6);
+      EXPECT_LT((read.boxes()[b].structure_from_box.translation() -
+                 mesh.boxes()[b].structure_from_box.translation())
+                    .norm(),
+                1e-6);
+    }
+    const json document = Glb(ReadFile(folder / "a.glb")).document;
+    for (const json& primitive : document.at("meshes").at(0).at("primitives")) {
+      const std::string name =
+          mesh.boxes()[0].name + "/" + primitive.at("extras").at("side").get<std::string>();
+      for (const Side& side : mesh.sides()) {
+        if (side.name != name) continue;
+        EXPECT_EQ(primitive.at("extras").at("label"), side.label);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -462,7 +462,7 @@ TEST_F(StructureYaml, LabelsAndNameAreOptional) {
 
 // config_test has what every reader rejects.
 TEST_F(StructureYaml, RejectsBadFiles) {
-  ExpectBad("", {"key 'boxes' is missing", path_});
+  ExpectBad("", {"at least one box or mesh", path_});
   ExpectBad("[1, 2]", {path_, "map"});
   ExpectBad("boxes: []", {path_, "at least one box"});
   ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "unknown key 'colour'"});
@@ -492,9 +492,7 @@ TEST_F(StructureYaml, RejectsBadFiles) {
     many += "  - {name: b" + std::to_string(b) + ", x: [0, 10], y: [0, 20], z: [0, 30]}\n";
   ExpectBad(many, {path_, "52 boxes"});
   ExpectError<IoError>([] { ReadStructure("missing/boxes.yaml"); }, {"missing/boxes.yaml"});
-  ExpectError<ConfigError>([] { ReadStructure("boxes.obj"); }, {"boxes.obj", ".yaml"});
-  ExpectError<ConfigError>([] { ReadStructure("old/structure.glb"); },
-                           {"old/structure.glb", "give the .yaml"});
+  ExpectError<ConfigError>([] { ReadStructure("boxes.txt"); }, {"boxes.txt", ".yaml"});
 }
 
 TEST_F(StructureYaml, WritesWhatItReadsAsTheSameStructure) {

@@ -1,0 +1,147 @@
+#include "core/geometry/mesh_file.h"
+
+#include <assimp/postprocess.h>
+#include <assimp/scene.h>
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <assimp/Importer.hpp>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "core/base/error.h"
+#include "core/base/file_limits.h"
+#include "core/base/file_util.h"
+#include "core/base/shown_path.h"
+#include "core/base/text.h"
+
+namespace volalign {
+
+namespace {
+
+constexpr double kSmallest = 0.05, kLargest = 50;  // m
+constexpr std::array<const char*, 5> kEndings{".glb", ".gltf", ".obj", ".stl", ".ply"};
+constexpr int kMostParts = kMaxBoxes;
+
+std::string EndingOf(const std::filesystem::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+Eigen::Matrix3d UpwardsFrom(MeshUp up) {
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  if (up == MeshUp::kZ) turn << 1, 0, 0, 0, 0, 1, 0, -1, 0;  // x stays
+  if (up == MeshUp::kX) turn << 0, -1, 0, 1, 0, 0, 0, 0, 1;  // z stays
+  return turn;
+}
+
+/// A part's name: plain, without '/', and not that of a part before.
+std::string NameOf(const aiString& given, const std::string& otherwise,
+                   std::set<std::string>* taken) {
+  std::string name(given.C_Str());
+  std::replace(name.begin(), name.end(), '/', '_');
+  if (name.empty() || !IsPlainName(name)) name = otherwise;
+  std::string unique = name;
+  for (int i = 2; !taken->insert(unique).second; ++i) unique = fmt::format("{}_{}", name, i);
+  return unique;
+}
+
+class Reader {
+ public:
+  Reader(const aiScene& scene, const Eigen::Matrix3d& structure_from_file, std::string name)
+      : scene_(scene), turn_(structure_from_file), name_(std::move(name)) {
+    Visit(*scene.mRootNode, aiMatrix4x4());
+  }
+  std::vector<Box> Take() { return std::move(parts_); }
+
+ private:
+  void Visit(const aiNode& node, const aiMatrix4x4& parent) {
+    const aiMatrix4x4 place = parent * node.mTransformation;
+    if (node.mNumMeshes > 0) Add(node, place);
+    for (unsigned i = 0; i < node.mNumChildren; ++i) Visit(*node.mChildren[i], place);
+  }
+
+  void Add(const aiNode& node, const aiMatrix4x4& place) {
+    std::vector<Eigen::Vector3d> vertices;
+    std::vector<PartMesh::Triangle> triangles;
+    const bool mirrored = place.Determinant() < 0;
+    for (unsigned m = 0; m < node.mNumMeshes; ++m) {
+      const aiMesh& mesh = *scene_.mMeshes[node.mMeshes[m]];
+      const auto first = static_cast<int>(vertices.size());
+      for (unsigned v = 0; v < mesh.mNumVertices; ++v) {
+        const aiVector3D p = place * mesh.mVertices[v];
+        vertices.emplace_back(turn_ * Eigen::Vector3d(p.x, p.y, p.z));
+      }
+      for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
+        const aiFace& face = mesh.mFaces[f];
+        if (face.mNumIndices != 3) continue;  // points and lines
+        PartMesh::Triangle triangle;
+        for (unsigned k = 0; k < 3; ++k) triangle[k] = first + static_cast<int>(face.mIndices[k]);
+        if (mirrored) std::swap(triangle[1], triangle[2]);
+        triangles.push_back(triangle);
+      }
+    }
+    if (triangles.empty()) return;
+    if (parts_.size() == kMostParts)
+      throw DataError(fmt::format("more than {} nodes have a mesh: join some", kMostParts));
+    const std::string name = NameOf(node.mName, name_, &names_);
+    try {
+      parts_.push_back(
+          Box::FromMesh(name, PartMesh::Make(std::move(vertices), std::move(triangles))));
+    } catch (const DataError& error) {
+      throw DataError(fmt::format("part '{}': {}", Shortened(name), error.what()));
+    }
+  }
+
+  const aiScene& scene_;
+  Eigen::Matrix3d turn_;
+  std::string name_;
+  std::set<std::string> names_;
+  std::vector<Box> parts_;
+};
+
+}  // namespace
+
+bool IsMeshFile(const std::filesystem::path& path) {
+  return std::find(kEndings.begin(), kEndings.end(), EndingOf(path)) != kEndings.end();
+}
+
+std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, MeshUp up) {
+  const std::string ending = EndingOf(path);
+  // A .gltf names other files; Assimp opens them beside it.
+  ReadFile(path.string(), kMaxResultBytes);
+  Assimp::Importer importer;
+  importer.SetPropertyInteger(
+      AI_CONFIG_PP_RVC_FLAGS,
+      aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
+          aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
+          aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS | aiComponent_MATERIALS);
+  const aiScene* scene =
+      importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_RemoveComponent |
+                                           aiProcess_ValidateDataStructure);
+  if (!scene || !scene->mRootNode) {
+    throw DataError(fmt::format("it cannot be read as a {} mesh: {}", ending.substr(1),
+                                Shortened(importer.GetErrorString())));
+  }
+  if (up == MeshUp::kFormat) up = ending == ".stl" || ending == ".ply" ? MeshUp::kZ : MeshUp::kY;
+  std::vector<Box> parts = Reader(*scene, scale * UpwardsFrom(up), path.stem().string()).Take();
+  if (parts.empty()) throw DataError("it has no triangles");
+  Eigen::AlignedBox3d bounds;
+  for (const Box& part : parts)
+    for (const Eigen::Vector3d& corner : part.Corners()) bounds.extend(corner);
+  const double size = bounds.sizes().maxCoeff();
+  if (size < kSmallest || size > kLargest) {
+    throw DataError(fmt::format(
+        "it is {:g} m long. Check the unit: `volalign structure build {} --mesh-scale 0.001 -o "
+        "NAME.yaml` reads millimetres",
+        size, ShownPath(path)));
+  }
+  return parts;
+}
+
+}  // namespace volalign

@@ -1,0 +1,376 @@
+#pragma once
+
+// Closed meshes as targets, and their files: glTF, OBJ, PLY and STL.
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/geometry/part_mesh.h"
+#include "core/geometry/structure.h"
+#include "tests/core/base/temp_folder.h"
+
+namespace volalign::mesh_shapes {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+/// The surface of a part; solids in it may touch.
+struct Solid {
+  std::string name;
+  std::vector<Vector3d> vertices;
+  std::vector<PartMesh::Triangle> triangles;
+
+  void Add(const Solid& other) {
+    const auto first = static_cast<int>(vertices.size());
+    vertices.insert(vertices.end(), other.vertices.begin(), other.vertices.end());
+    for (const auto& t : other.triangles)
+      triangles.push_back({first + t[0], first + t[1], first + t[2]});
+  }
+};
+
+/// An object of one or more parts.
+struct Shape {
+  std::string name;
+  std::vector<Solid> parts;
+};
+
+inline double Cross(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
+  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
+/// Triangles of a polygon without holes, anticlockwise: cuts ears off.
+inline std::vector<PartMesh::Triangle> Triangulated(const std::vector<Vector2d>& polygon) {
+  std::vector<int> left(polygon.size());
+  for (std::size_t i = 0; i < left.size(); ++i) left[i] = static_cast<int>(i);
+  const auto at = [&](int i) { return polygon[static_cast<std::size_t>(i)]; };
+  std::vector<PartMesh::Triangle> triangles;
+  for (std::size_t k = 0; left.size() > 3; k = (k + 1) % left.size()) {
+    const std::size_t n = left.size();
+    const int a = left[(k + n - 1) % n], b = left[k], c = left[(k + 1) % n];
+    bool ear = Cross(at(a), at(b), at(c)) > 1e-12;
+    for (const int i : left) {
+      if (i == a || i == b || i == c) continue;
+      ear = ear && !(Cross(at(a), at(b), at(i)) >= 0 && Cross(at(b), at(c), at(i)) >= 0 &&
+                     Cross(at(c), at(a), at(i)) >= 0);
+    }
+    if (!ear) continue;
+    triangles.push_back({a, b, c});
+    left.erase(left.begin() + static_cast<std::ptrdiff_t>(k));
+  }
+  triangles.push_back({left[0], left[1], left[2]});
+  return triangles;
+}
+
+/// A polygon in the plane of the two axes after `axis`, anticlockwise, drawn from `low` to `high`
+/// along it.
+inline Solid Extruded(int axis, const std::vector<Vector2d>& polygon, double low, double high) {
+  Solid solid;
+  const auto n = static_cast<int>(polygon.size());
+  for (const double along : {low, high}) {
+    for (const Vector2d& p : polygon) {
+      Vector3d& vertex = solid.vertices.emplace_back();
+      vertex[axis] = along;
+      vertex[(axis + 1) % 3] = p.x();
+      vertex[(axis + 2) % 3] = p.y();
+    }
+  }
+  for (const auto& t : Triangulated(polygon)) {
+    solid.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
+    solid.triangles.push_back({t[0], t[2], t[1]});
+  }
+  for (int i = 0; i < n; ++i) {
+    const int j = (i + 1) % n;
+    solid.triangles.push_back({i, j, j + n});
+    solid.triangles.push_back({i, j + n, i + n});
+  }
+  return solid;
+}
+
+inline Solid Cuboid(const Vector3d& low, const Vector3d& high) {
+  return Extruded(
+      2, {{low.x(), low.y()}, {high.x(), low.y()}, {high.x(), high.y()}, {low.x(), high.y()}},
+      low.z(), high.z());
+}
+
+/// Upright; `foot`: the middle of its lower end.
+inline Solid Cylinder(const Vector3d& foot, double radius, double height, int segments) {
+  std::vector<Vector2d> circle;  // z, x
+  for (int i = 0; i < segments; ++i) {
+    const double a = 2 * M_PI * i / segments;
+    circle.emplace_back(foot.z() + radius * std::cos(a), foot.x() + radius * std::sin(a));
+  }
+  return Extruded(1, circle, foot.y(), foot.y() + height);
+}
+
+/// One part of solids.
+inline Solid Joined(const std::string& name, const std::vector<Solid>& solids) {
+  Solid all;
+  all.name = name;
+  for (const Solid& solid : solids) all.Add(solid);
+  return all;
+}
+
+/// Puts the middle of the box around it at the origin, as that of the paper's stack is.
+inline Shape Centred(Shape shape) {
+  Eigen::AlignedBox3d bounds;
+  for (const Solid& part : shape.parts)
+    for (const Vector3d& p : part.vertices) bounds.extend(p);
+  for (Solid& part : shape.parts)
+    for (Vector3d& p : part.vertices) p -= bounds.center();
+  return shape;
+}
+
+inline Shape Ell() {
+  return Centred(
+      {"ell",
+       {Joined("ell",
+               {Extruded(2, {{0, 0}, {0.9, 0}, {0.9, 0.3}, {0.35, 0.3}, {0.35, 0.8}, {0, 0.8}}, 0,
+                         0.5)})}});
+}
+
+inline Shape Wedge() {
+  return Centred({"wedge", {Joined("wedge", {Extruded(2, {{0, 0}, {0.8, 0}, {0, 0.6}}, 0, 0.5)})}});
+}
+
+/// It looks the same after half a turn.
+inline Shape Table() {
+  std::vector<Solid> solids{Cuboid({-0.6, 0.71, -0.35}, {0.6, 0.75, 0.35})};
+  for (const double x : {-0.53, 0.53})
+    for (const double z : {-0.28, 0.28})
+      solids.push_back(Cuboid({x - 0.03, 0, z - 0.03}, {x + 0.03, 0.71, z + 0.03}));
+  return Centred({"table", {Joined("table", solids)}});
+}
+
+inline Shape Shelf() {
+  std::vector<Solid> solids{Cuboid({-0.175, 0, -0.4}, {0.175, 1.6, -0.36}),
+                            Cuboid({-0.175, 0, 0.36}, {0.175, 1.6, 0.4}),
+                            Cuboid({-0.195, 0, -0.4}, {-0.175, 1.6, 0.4})};
+  for (const double y : {0.06, 0.5, 0.95, 1.4})
+    solids.push_back(Cuboid({-0.175, y, -0.36}, {0.175, y + 0.04, 0.36}));
+  return Centred({"shelf", {Joined("shelf", solids)}});
+}
+
+inline Shape Stool() {
+  return Centred({"stool",
+                  {Joined("stool", {Extruded(2,
+                                             {{0, 0},
+                                              {0.75, 0},
+                                              {0.75, 0.25},
+                                              {0.5, 0.25},
+                                              {0.5, 0.5},
+                                              {0.25, 0.5},
+                                              {0.25, 0.75},
+                                              {0, 0.75}},
+                                             0, 0.45)})}});
+}
+
+/// With rounded upper edges, a round chimney, and a box at its front.
+inline Shape Housing() {
+  constexpr double kWidth = 1.0, kHeight = 0.8, kRadius = 0.1;
+  constexpr int kStrips = 6;
+  std::vector<Vector2d> profile{{0, 0}, {kWidth, 0}};
+  for (const bool left : {false, true}) {
+    for (int i = 0; i <= kStrips; ++i) {
+      const double a = M_PI / 2 * (i / static_cast<double>(kStrips) + (left ? 1 : 0));
+      profile.emplace_back((left ? kRadius : kWidth - kRadius) + kRadius * std::cos(a),
+                           kHeight - kRadius + kRadius * std::sin(a));
+    }
+  }
+  return Centred({"housing",
+                  {Joined("housing", {Extruded(2, profile, 0, 0.7),
+                                      Cylinder({0.3, kHeight, 0.25}, 0.1, 0.4, 32),
+                                      Cuboid({kWidth, 0.25, 0.1}, {kWidth + 0.2, 0.6, 0.4})})}});
+}
+
+/// Each box is a part.
+inline Shape Chair() {
+  Shape shape{"chair",
+              {Joined("seat", {Cuboid({-0.22, 0.42, -0.22}, {0.22, 0.46, 0.22})}),
+               Joined("back", {Cuboid({-0.22, 0.46, -0.22}, {-0.18, 0.95, 0.22})})}};
+  for (const double x : {-0.2, 0.2})
+    for (const double z : {-0.2, 0.2})
+      shape.parts.push_back(
+          Joined(fmt::format("{}_{}_leg", x > 0 ? "front" : "back", z > 0 ? "right" : "left"),
+                 {Cuboid({x - 0.02, 0, z - 0.02}, {x + 0.02, 0.42, z + 0.02})}));
+  return Centred(std::move(shape));
+}
+
+/// The stack of configs/structure.yaml: four parts.
+inline Shape Stack() {
+  Shape shape{"stack", {}};
+  const Structure structure = ReadStructure("configs/structure.yaml");
+  for (const Box& box : structure.boxes()) {
+    const Vector3d middle = box.structure_from_box.translation();
+    shape.parts.push_back(Joined(box.name, {Cuboid(middle - box.size / 2, middle + box.size / 2)}));
+  }
+  return shape;
+}
+
+inline Shape Lectern() {
+  return Centred(
+      {"lectern",
+       {Joined(
+           "lectern",
+           {Cuboid({-0.3, 0, -0.25}, {0.3, 0.05, 0.25}),
+            Extruded(2, {{-0.15, 0.05}, {0.15, 0.05}, {0.15, 0.9}, {-0.15, 1.05}}, -0.15, 0.15),
+            Extruded(2, {{0.35, 0.8}, {0.35, 0.85}, {-0.25, 1.15}, {-0.25, 1.1}}, -0.3, 0.3)})}});
+}
+
+inline Shape StackAndCylinder() {
+  return Centred({"stack_and_cylinder",
+                  {Joined("all", {Cuboid({-0.3, 0, -0.25}, {0.3, 0.4, 0.25}),
+                                  Cuboid({-0.3, 0.4, -0.25}, {0.1, 0.75, 0.05}),
+                                  Cylinder({0.15, 0, 0.5}, 0.14, 0.6, 40)})}});
+}
+
+/// 0.4 to 1.6 m.
+inline std::vector<Shape> TenShapes() {
+  return {Ell(),     Wedge(), Table(), Shelf(),   Stool(),
+          Housing(), Chair(), Stack(), Lectern(), StackAndCylinder()};
+}
+
+inline Structure StructureOf(const Shape& shape) {
+  std::vector<Box> parts;
+  for (const Solid& part : shape.parts)
+    parts.push_back(Box::FromMesh(part.name, PartMesh::Make(part.vertices, part.triangles)));
+  return Structure::FromBoxes(shape.name, std::move(parts));
+}
+
+template <class T>
+void AppendBytes(const T& value, std::string* bytes) {
+  bytes->append(reinterpret_cast<const char*>(&value), sizeof value);  // little-endian hosts
+}
+
+inline std::string Obj(const Shape& shape) {
+  std::string text;
+  int first = 1;
+  for (const Solid& part : shape.parts) {
+    text += "o " + part.name + "\n";
+    for (const Vector3d& p : part.vertices)
+      text += fmt::format("v {:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
+    for (const auto& t : part.triangles)
+      text += fmt::format("f {} {} {}\n", first + t[0], first + t[1], first + t[2]);
+    first += static_cast<int>(part.vertices.size());
+  }
+  return text;
+}
+
+/// All parts as one, for formats without parts, z up as they have it.
+inline Solid ZUp(const Shape& shape) {
+  Solid all = Joined(shape.name, shape.parts);
+  for (Vector3d& p : all.vertices) p = {p.x(), -p.z(), p.y()};
+  return all;
+}
+
+inline std::string Ply(const Shape& shape) {
+  const Solid all = ZUp(shape);
+  std::string text = fmt::format(
+      "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "
+      "float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
+      all.vertices.size(), all.triangles.size());
+  for (const Vector3d& p : all.vertices)
+    text += fmt::format("{:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
+  for (const auto& t : all.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
+  return text;
+}
+
+inline std::string Stl(const Shape& shape, bool is_binary) {
+  const Solid all = ZUp(shape);
+  std::string bytes = is_binary ? std::string(80, ' ') : "solid " + shape.name + "\n";
+  if (is_binary) AppendBytes(static_cast<std::uint32_t>(all.triangles.size()), &bytes);
+  for (const auto& t : all.triangles) {
+    const auto at = [&](std::size_t k) { return all.vertices[static_cast<std::size_t>(t[k])]; };
+    const Vector3d normal = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
+    if (!is_binary)
+      bytes += fmt::format("facet normal {:g} {:g} {:g}\nouter loop\n", normal.x(), normal.y(),
+                           normal.z());
+    const auto add = [&](const Vector3d& p) {
+      if (!is_binary) bytes += fmt::format("vertex {:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
+      for (int axis = 0; is_binary && axis < 3; ++axis)
+        AppendBytes(static_cast<float>(p[axis]), &bytes);
+    };
+    if (is_binary) add(normal);
+    for (std::size_t k = 0; k < 3; ++k) add(at(k));
+    bytes += is_binary ? std::string(2, '\0') : "endloop\nendfacet\n";
+  }
+  return is_binary ? bytes : bytes + "endsolid " + shape.name + "\n";
+}
+
+/// glTF's document, a node for each part, and its buffer.
+inline std::pair<std::string, std::string> Gltf(const Shape& shape, const std::string& uri) {
+  std::string buffer, nodes, indices, meshes, views, accessors;
+  const auto view = [&](std::size_t begin, const std::string& accessor) {
+    const char* comma = views.empty() ? "" : ",";
+    views += fmt::format(R"({}{{"buffer":0,"byteOffset":{},"byteLength":{}}})", comma, begin,
+                         buffer.size() - begin);
+    accessors += comma + accessor;
+  };
+  for (std::size_t i = 0; i < shape.parts.size(); ++i) {
+    const Solid& part = shape.parts[i];
+    Eigen::AlignedBox3d bounds;
+    std::size_t begin = buffer.size();
+    for (const Vector3d& p : part.vertices) {
+      bounds.extend(p.cast<float>().cast<double>());
+      for (const double x : p) AppendBytes(static_cast<float>(x), &buffer);
+    }
+    const Vector3d low = bounds.min(), high = bounds.max();
+    view(begin, fmt::format(R"({{"bufferView":{},"componentType":5126,"count":{},"type":"VEC3",)"
+                            R"("min":[{},{},{}],"max":[{},{},{}]}})",
+                            2 * i, part.vertices.size(), low.x(), low.y(), low.z(), high.x(),
+                            high.y(), high.z()));
+    begin = buffer.size();
+    for (const auto& t : part.triangles)
+      for (const int vertex : t) AppendBytes(static_cast<std::uint32_t>(vertex), &buffer);
+    view(begin,
+         fmt::format(R"({{"bufferView":{},"componentType":5125,"count":{},"type":"SCALAR"}})",
+                     2 * i + 1, 3 * part.triangles.size()));
+    const char* comma = i > 0 ? "," : "";
+    indices += fmt::format("{}{}", comma, i);
+    nodes += fmt::format(R"({}{{"name":"{}","mesh":{}}})", comma, part.name, i);
+    meshes += fmt::format(R"({}{{"primitives":[{{"attributes":{{"POSITION":{}}},"indices":{}}}]}})",
+                          comma, 2 * i, 2 * i + 1);
+  }
+  return {fmt::format(R"({{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[{}]}}],)"
+                      R"("nodes":[{}],"meshes":[{}],"bufferViews":[{}],"accessors":[{}],)"
+                      R"("buffers":[{{{}"byteLength":{}}}]}})",
+                      indices, nodes, meshes, views, accessors,
+                      uri.empty() ? "" : fmt::format(R"("uri":"{}",)", uri), buffer.size()),
+          buffer};
+}
+
+inline std::string Glb(const Shape& shape) {
+  auto [json, buffer] = Gltf(shape, "");
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  buffer.resize((buffer.size() + 3) / 4 * 4, '\0');
+  std::string bytes = "glTF";
+  const auto size = [](std::size_t n) { return static_cast<std::uint32_t>(n); };
+  AppendBytes(std::uint32_t{2}, &bytes);
+  AppendBytes(size(28 + json.size() + buffer.size()), &bytes);
+  AppendBytes(size(json.size()), &bytes);
+  bytes += "JSON" + json;
+  AppendBytes(size(buffer.size()), &bytes);
+  return bytes + std::string("BIN\0", 4) + buffer;
+}
+
+/// Writes NAME.glb, .gltf, .obj, .ply or .stl by the ending; "ascii.stl" is a text.
+inline std::filesystem::path WriteShape(const TempFolder& folder, const Shape& shape,
+                                        const std::string& ending) {
+  const std::string name = shape.name + "." + ending;
+  if (ending == "glb") return folder.Write(name, Glb(shape));
+  if (ending == "obj") return folder.Write(name, Obj(shape));
+  if (ending == "ply") return folder.Write(name, Ply(shape));
+  if (ending != "gltf") return folder.Write(name, Stl(shape, ending == "stl"));
+  const auto [json, buffer] = Gltf(shape, shape.name + ".bin");
+  folder.Write(shape.name + ".bin", buffer);
+  return folder.Write(name, json);
+}
+
+}  // namespace volalign::mesh_shapes

@@ -1,0 +1,233 @@
+#include "core/geometry/part_mesh.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <fstream>
+#include <vector>
+
+#include "core/base/error.h"
+#include "core/base/random.h"
+#include "core/geometry/mesh_file.h"
+#include "core/geometry/stack_faults.h"
+#include "core/geometry/structure.h"
+#include "core/geometry/visibility.h"
+#include "tests/core/base/expect_error.h"
+#include "tests/core/base/temp_folder.h"
+#include "tests/core/geometry/mesh_shapes.h"
+
+namespace volalign::part_mesh_test {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+using namespace mesh_shapes;
+
+Solid Box3(double width, double height, double depth) {
+  return Cuboid({-width / 2, 0, -depth / 2}, {width / 2, height, depth / 2});
+}
+
+/// 60 x 40 x 60 cm less a corner of 30 x 40 x 30 cm.
+Solid Corner() {
+  return Extruded(1, {{0, 0}, {0.6, 0}, {0.6, 0.3}, {0.3, 0.3}, {0.3, 0.6}, {0, 0.6}}, 0, 0.4);
+}
+
+Solid Drum(int segments) { return Cylinder({0, 0, 0}, 0.3, 0.5, segments); }
+
+Box PartOf(const Solid& solid, const std::string& name = "part") {
+  return Box::FromMesh(name, PartMesh::Make(solid.vertices, solid.triangles));
+}
+
+Structure Of(const Solid& solid, const std::string& name = "part") {
+  return Structure::FromBoxes("test", {PartOf(solid, name)});
+}
+
+TEST(PartMesh, ACuboidIsABox) {
+  const Structure mesh = Of(Box3(0.5, 0.3, 0.4));
+  const Structure box =
+      Structure::FromBoxes("test", {Box::FromMinMax("part", {-0.25, 0, -0.2}, {0.25, 0.3, 0.2})});
+  ASSERT_EQ(mesh.num_classes(), box.num_classes());
+  EXPECT_EQ(mesh.sides().size(), 6U);
+  EXPECT_NEAR(mesh.FloorHeight(), 0, 1e-12);
+  RandomStream random(1, 0, "cuboid");
+  int hits = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const auto draw = [&](double reach) {
+      return Vector3d(random.Uniform(-reach, reach), random.Uniform(-reach, reach),
+                      random.Uniform(-reach, reach));
+    };
+    const Vector3d from = draw(2), towards = draw(0.4) - from, p = draw(0.5);
+    const RayHit a = CastRay(mesh, from, towards), b = CastRay(box, from, towards);
+    ASSERT_EQ(a.side < 0, b.side < 0);
+    if (a.side >= 0) {
+      ++hits;
+      EXPECT_NEAR(a.t, b.t, 1e-9);
+      const auto normal = [](const Structure& of, int side) {
+        return of.sides()[static_cast<std::size_t>(side)].normal;
+      };
+      EXPECT_LT((normal(mesh, a.side) - normal(box, b.side)).norm(), 1e-9);
+    }
+    EXPECT_NEAR(DistanceToSurface(mesh, p).distance, DistanceToSurface(box, p).distance, 1e-9);
+    EXPECT_EQ(mesh.Contains(p), box.Contains(p));
+  }
+  EXPECT_GT(hits, 500);
+}
+
+TEST(PartMesh, FacetsHaveOutlinesBordersAndAreas) {
+  const Structure corner = Of(Corner());
+  // A top of 27 dm2 in L form, six upright sides, and the bottom without label.
+  ASSERT_EQ(corner.num_classes(), 8);
+  const Side& top = corner.SideOfLabel(1);
+  EXPECT_NEAR(top.Area(), 0.27, 1e-9);
+  EXPECT_NEAR(top.exposed_area, 0.27, 1e-9);
+  EXPECT_NEAR(top.normal.y(), 1, 1e-12);
+  EXPECT_EQ(top.CountBorders(), 6);
+  EXPECT_LT((top.Middle() - Vector3d(0.25, 0.4, 0.25)).norm(), 1e-9);
+  // In the notch: beyond by 10 cm, drawn to its border.
+  const Vector3d notch(0.4, 0.4, 0.45);
+  EXPECT_NEAR(top.Beyond(notch), 0.1, 1e-9);
+  EXPECT_LT((top.ClosestPoint(notch) - Vector3d(0.3, 0.4, 0.45)).norm(), 1e-9);
+  EXPECT_NEAR(top.Beyond(Vector3d(0.1, 0.4, 0.2)), -0.1, 1e-9);
+  double perimeter = 0;
+  for (int i = 0; i < top.CountBorders(); ++i) {
+    const Border border = top.BorderAt(i);
+    perimeter += border.length;
+    EXPECT_NEAR(border.outward.norm(), 1, 1e-12);
+    EXPECT_NEAR(border.outward.dot(border.middle - top.centre), border.extent, 1e-12);
+    EXPECT_GT(top.Beyond(border.middle + 0.01 * border.outward), 0.009);
+    EXPECT_LT(top.Beyond(border.middle - 0.01 * border.outward), -0.009);
+  }
+  EXPECT_NEAR(perimeter, 2.4, 1e-9);
+}
+
+TEST(PartMesh, CurvedSmallAndLowerSurfaceHasNoLabel) {
+  EXPECT_EQ(Of(Drum(8)).num_classes(), 10) << "eight sides of 45 deg, and the top";
+  EXPECT_EQ(Of(Drum(48)).num_classes(), 2) << "the top";
+  EXPECT_EQ(Of(Box3(0.02, 0.6, 0.3)).num_classes(), 3) << "a board's narrow sides have none";
+}
+
+TEST(PartMesh, PartsCoverEachOther) {
+  const Solid low = Box3(0.6, 0.3, 0.4);
+  Solid high = Box3(0.3, 0.2, 0.4);
+  for (Vector3d& p : high.vertices) p += Vector3d(0.15, 0.3, 0);
+  const Structure both = Structure::FromBoxes("test", {PartOf(low, "low"), PartOf(high, "high")});
+  const Structure joined = Of(Joined("all", {low, high}));
+  EXPECT_EQ(joined.num_classes(), both.num_classes() - 1) << "two sides in one plane are one";
+  EXPECT_TRUE(joined.Contains({0.15, 0.3 + kTouching, 0})) << "beyond where the solids touch";
+  EXPECT_NEAR(joined.SideOfLabel(1).exposed_area, 0.12, 1e-3) << joined.SideOfLabel(1).name;
+  for (const Side& side : both.sides()) {
+    if (side.box != 0 || side.normal.y() < 0.9) continue;
+    EXPECT_NEAR(side.exposed_area, 0.12, 1e-3);
+    EXPECT_LT((side.exposed_centroid - Vector3d(-0.15, 0.3, 0)).norm(), 5e-3);
+  }
+  // Moved and scaled: rays find it where it is.
+  std::vector<Pose> offsets(2, Pose::Identity());
+  offsets[1].translation().x() = -0.1;
+  const Structure moved = both.Displaced(offsets, 1.1);
+  const RayHit hit = CastRay(moved, {0.05, 2, 0}, {0, -1, 0});
+  EXPECT_NEAR(2 - hit.t, 0.4 + 1.1 * 0.1, 1e-6);
+  EXPECT_NEAR(DistanceToSurface(moved, {0.05, 1, 0}).distance, 1 - 0.51, 1e-6);
+}
+
+TEST(PartMesh, AFileOfItIsTheSameStructure) {
+  const Structure corner = Of(Corner(), "corner");
+  const TempFolder folder;
+  std::ofstream(folder.path() / "corner.yaml") << StructureYaml(corner);
+  const Structure read = ReadStructure(folder.path() / "corner.yaml");
+  EXPECT_EQ(read.Hash(), corner.Hash());
+  EXPECT_EQ(read.SideNames(), corner.SideNames());
+}
+
+TEST(PartMesh, SaysWhatIsNoTarget) {
+  Solid open = Box3(0.5, 0.3, 0.4);
+  open.triangles.pop_back();
+  ExpectError<DataError>([&] { Of(open); }, {"the surface is open", "3 of 18 edges"});
+  Solid sheet = Box3(0.5, 0.3, 0.4);
+  for (Vector3d& p : sheet.vertices) p.y() = 0;
+  ExpectError<DataError>([&] { Of(sheet); }, {"encloses no volume"});
+  Solid inside_out = Box3(0.5, 0.3, 0.4);
+  for (PartMesh::Triangle& t : inside_out.triangles) std::swap(t[0], t[1]);
+  EXPECT_EQ(Of(inside_out).num_classes(), 6) << "turned";
+  inside_out.triangles.push_back({0, 1, 99});
+  ExpectError<DataError>([&] { Of(inside_out); }, {"vertex 99 of 8"});
+  const std::vector<StackFault> faults = FindStackFaults(Of(Drum(48)));
+  ASSERT_FALSE(faults.empty());
+  EXPECT_TRUE(faults.front().impossible);
+  EXPECT_NE(faults.front().text.find("fewer than three directions"), std::string::npos);
+}
+
+TEST(MeshFile, UnitsAndAxes) {
+  const TempFolder folder;
+  Shape shape{"corner", {Corner()}};
+  for (Vector3d& p : shape.parts[0].vertices) p = 1e3 * Vector3d(p.x(), -p.z(), p.y());
+  const std::filesystem::path path = WriteShape(folder, shape, "obj");  // millimetres, z up
+  ExpectError<ConfigError>([&] { ReadStructure(path); }, {"600 m long", "--mesh-scale 0.001"});
+  const std::vector<Box> parts = ReadMeshParts(path, 1e-3, MeshUp::kZ);
+  ASSERT_EQ(parts.size(), 1U);
+  EXPECT_LT((parts[0].size - Vector3d(0.6, 0.4, 0.6)).norm(), 1e-6);
+  folder.Write("corner.yaml", "meshes: [{file: corner.obj, scale: 0.001, up: z}]\n");
+  const Structure read = ReadStructure(folder.path() / "corner.yaml");
+  EXPECT_EQ(read.num_classes(), 8);
+  EXPECT_LT((read.SideOfLabel(1).Middle() - Vector3d(0.25, 0.4, 0.25)).norm(), 1e-6);
+  ExpectError<DataError>([&] { ReadMeshParts(folder.path() / "corner.yaml"); }, {"cannot be read"});
+}
+
+TEST(MeshFile, EveryFormatHasTheSameSurface) {
+  const TempFolder folder;
+  for (const Shape& shape : TenShapes()) {
+    SCOPED_TRACE(shape.name);
+    const Structure made = StructureOf(shape);
+    EXPECT_TRUE(FindStackFaults(made).empty() || !FindStackFaults(made).front().impossible);
+    for (const char* ending : {"glb", "gltf", "obj", "ply", "stl", "ascii.stl"}) {
+      SCOPED_TRACE(ending);
+      const Structure read = ReadStructure(WriteShape(folder, shape, ending));
+      EXPECT_EQ(read.boxes().size() > 1, made.boxes().size() > 1 && ending[0] != 'p' &&
+                                             std::string(ending).find("stl") == std::string::npos);
+      double area = 0;
+      for (int label = 1; label < made.num_classes(); ++label)
+        area += made.SideOfLabel(label).exposed_area;
+      for (int label = 1; label < read.num_classes(); ++label)
+        area -= read.SideOfLabel(label).exposed_area;
+      EXPECT_NEAR(area, 0, 0.05);
+      RandomStream random(1, 0, "formats");
+      for (int i = 0; i < 50; ++i) {
+        const Vector3d from(random.Uniform(1, 2), random.Uniform(-1, 1), random.Uniform(1, 2));
+        const Vector3d towards = Vector3d(random.Uniform(-0.2, 0.2), random.Uniform(-0.2, 0.2),
+                                          random.Uniform(-0.2, 0.2)) -
+                                 from;
+        const RayHit a = CastRay(made, from, towards), b = CastRay(read, from, towards);
+        if (a.side >= 0 && b.side >= 0) {
+          EXPECT_NEAR(a.t, b.t, 2e-3);
+        }
+      }
+    }
+  }
+}
+
+// Rounding of equal areas, which differs between the files, gives no other order.
+TEST(MeshFile, EveryFormatAndTheCopyHaveTheSameLabels) {
+  const TempFolder folder;
+  for (const mesh_shapes::Shape& shape : mesh_shapes::TenShapes()) {
+    const Structure mesh = mesh_shapes::StructureOf(shape);
+    for (const char* ending : {"glb", "gltf", "obj", "ply", "stl", "ascii.stl"}) {
+      const Structure read = ReadStructure(mesh_shapes::WriteShape(folder, shape, ending));
+      folder.Write("copy.yaml", StructureYaml(read));
+      const Structure copy = ReadStructure(folder / "copy.yaml");
+      EXPECT_EQ(copy.Hash(), read.Hash());
+      ASSERT_EQ(copy.num_classes(), read.num_classes());
+      const bool has_parts = read.boxes().size() == mesh.boxes().size();
+      for (int label = 1; label < read.num_classes(); ++label) {
+        const Vector3d& centre = read.SideOfLabel(label).centre;
+        EXPECT_LT((copy.SideOfLabel(label).centre - centre).norm(), 1e-6);
+        if (!has_parts) continue;
+        EXPECT_LT((mesh.SideOfLabel(label).centre - centre).norm(), 1e-6)
+            << shape.name << '.' << ending << ' ' << label;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace volalign::part_mesh_test
