@@ -171,8 +171,9 @@ class List {
 
 std::vector<Arrangement> Arrangements(const Structure& structure) {
   const std::vector<Box>& described = structure.boxes();
-  const Eigen::Vector3d column = ColumnOf(described);
   List list(structure);
+  if (!structure.IsOfBoxes()) return list.Take();  // nobody stacks the parts of a mesh
+  const Eigen::Vector3d column = ColumnOf(described);
   const auto with = [&](std::size_t i, const Box& box) {
     std::vector<Box> boxes = described;
     boxes[i] = box;

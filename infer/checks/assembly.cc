@@ -201,6 +201,7 @@ class Inspection {
   /// where `asked` show most.
   std::vector<StackHypothesis> Moved(const Indices& asked) const {
     std::vector<StackHypothesis> list;
+    if (!structure_.IsOfBoxes()) return list;  // nobody stacks the parts of a mesh
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
       Indices with_above = BoxesAbove(structure_, box);
       with_above.insert(with_above.begin(), box);

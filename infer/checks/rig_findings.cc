@@ -153,11 +153,9 @@ namespace {
 
 /// Does a point lie closely above an upper side, and not on the structure?
 bool StandsOn(const Side& side, const Structure& structure, const Eigen::Vector3d& point) {
-  const Eigen::Vector3d from = point - side.centre;
-  const double above = from.dot(side.normal);
-  return side.face == Face::kUp && above > kRoughPose && above < kFarthestOff &&
-         std::abs(from.dot(side.axis_u)) < side.half_u - kRoughPose &&
-         std::abs(from.dot(side.axis_v)) < side.half_v - kRoughPose &&
+  const double above = side.normal.dot(point - side.centre);
+  return side.normal.y() > kSameNormal && above > kRoughPose && above < kFarthestOff &&
+         side.Beyond(point) < -kRoughPose &&
          DistanceToSurface(structure, point).distance > kRoughPose;
 }
 

@@ -47,7 +47,7 @@ struct Target {
 Target MakeTarget(const Structure& structure) {
   Target target;
   for (const Side& side : structure.sides()) {
-    if (side.exposed_area > 0 || side.face == Face::kDown) target.sides.push_back(&side);
+    if (side.exposed_area > 0) target.sides.push_back(&side);
   }
   const Eigen::AlignedBox3d bounds = BoundsOf(structure);
   target.middle = bounds.center();

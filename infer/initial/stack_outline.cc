@@ -20,13 +20,6 @@ constexpr double kMostCells = 16;
 /// Inside begins so many cells behind the surface: a diagonal.
 constexpr double kInsideDepth = M_SQRT2;
 
-bool Within(const Structure& structure, const Eigen::Vector3d& p) {
-  return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
-    const Eigen::Vector3d local = box.structure_from_box.inverse() * p;
-    return (local.cwiseAbs().array() <= box.size.array() / 2).all();
-  });
-}
-
 std::vector<StackPiece> Pieces(const Structure& structure, const StackOutline& outline) {
   std::vector<StackPiece> pieces;
   const double area = outline.cell * outline.cell;
@@ -48,7 +41,7 @@ std::vector<StackPiece> Pieces(const Structure& structure, const StackOutline& o
       for (double z = -outline.radius; z < outline.radius; z += outline.cell) {
         const Eigen::Vector3d local(x, (slab + 0.5) * outline.slab, z);
         const Eigen::Vector3d p = outline.foot + local;
-        if (!Within(structure, p)) continue;
+        if (!structure.Contains(p)) continue;
         if (DistanceToSurface(structure, p).distance < kInsideDepth * outline.cell) continue;
         pieces.push_back({x, z, slab, 0, StackPiece::kInside, kInsideVote});
       }

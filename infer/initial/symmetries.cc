@@ -11,6 +11,7 @@
 
 #include "core/base/lists.h"
 #include "core/geometry/kd_tree.h"
+#include "core/geometry/visibility.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
@@ -31,8 +32,38 @@ constexpr double kTurned = 5;
 const double kAligned = std::cos(kTurned * kDegree);
 constexpr std::size_t kMostAxes = kBeam / 2;
 
-/// Does the motion bring every corner of one box near some corner of the other?
+/// Part of its area by which a facet may differ from the one that it is brought onto.
+constexpr double kSameArea = 0.05;
+
+std::vector<Eigen::Vector3d> VerticesOf(const Box& box) {
+  const auto corners = box.Corners();
+  if (!box.mesh) return {corners.begin(), corners.end()};
+  std::vector<Eigen::Vector3d> vertices;
+  for (const Eigen::Vector3d& p : box.mesh->vertices())
+    vertices.emplace_back(box.structure_from_box * Eigen::Vector3d(box.MeshScale() * p));
+  return vertices;
+}
+
+/// The point of a part that its symmetries leave where it is.
+Eigen::Vector3d MiddleOf(const Box& box) {
+  if (!box.mesh) return box.structure_from_box.translation();
+  return box.structure_from_box * Eigen::Vector3d(box.MeshScale() * box.mesh->centroid());
+}
+
+/// Does the motion bring every vertex of one part near the surface of the other?
+bool BringsVerticesOnto(const Pose& motion, const Box& from, const Box& to) {
+  const Structure other = Structure::FromBoxes("", {to});
+  const std::vector<Eigen::Vector3d> vertices = VerticesOf(from);
+  return std::all_of(vertices.begin(), vertices.end(), [&](const Eigen::Vector3d& p) {
+    return DistanceToSurface(other, motion * p).distance < kSamePlace;
+  });
+}
+
+/// Does the motion bring one part onto the other? Of boxes: every corner near some corner.
 bool BringsOnto(const Pose& motion, const Box& from, const Box& to) {
+  if (from.mesh || to.mesh) {
+    return BringsVerticesOnto(motion, from, to) && BringsVerticesOnto(motion.inverse(), to, from);
+  }
   const auto corners = from.Corners(), there = to.Corners();
   return std::all_of(corners.begin(), corners.end(), [&](const Eigen::Vector3d& p) {
     return std::any_of(there.begin(), there.end(), [&](const Eigen::Vector3d& q) {
@@ -88,13 +119,54 @@ std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
   return turns;
 }
 
+/// Unit axes of which the first is along `a` and the second in the plane of `a` and `b`.
+Eigen::Matrix3d AxesAlong(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  Eigen::Matrix3d axes;
+  axes.col(0) = a;
+  axes.col(1) = (b - b.dot(a) * a).normalized();
+  axes.col(2) = axes.col(0).cross(axes.col(1));
+  return axes;
+}
+
+/// Adds the turns that bring a mesh's largest facet, and the largest of those that do not face
+/// along the same line, onto two others alike.
+void AddTurnsOfFacets(const Box& box, std::vector<Eigen::Matrix3d>* turns) {
+  std::vector<const Facet*> flat;
+  for (const Facet& facet : box.mesh->facets())
+    if (facet.flat) flat.push_back(&facet);
+  SortLargestFirst(&flat, [](const Facet* facet) { return facet->outline->area; });
+  if (flat.empty()) return;
+  const auto aside = std::find_if(flat.begin(), flat.end(), [&](const Facet* facet) {
+    return std::abs(facet->normal.dot(flat.front()->normal)) < kFacesAlike;
+  });
+  if (aside == flat.end()) return;
+  const auto is_like = [](const Facet* a, const Facet* b) {
+    return std::abs(a->outline->area - b->outline->area) < kSameArea * a->outline->area;
+  };
+  const Eigen::Vector3d &first = flat.front()->normal, &second = (*aside)->normal;
+  const Eigen::Matrix3d own = box.structure_from_box.linear();
+  for (const Facet* a : flat) {
+    if (!is_like(flat.front(), a)) continue;
+    for (const Facet* b : flat) {
+      if (!is_like(*aside, b) ||
+          std::abs(a->normal.dot(b->normal) - first.dot(second)) > 1 - kAligned)
+        continue;
+      const Eigen::Matrix3d turn = own * AxesAlong(a->normal, b->normal) *
+                                   AxesAlong(first, second).transpose() * own.transpose();
+      AddIfNew(turn, turns, [&](const Eigen::Matrix3d& other) {
+        return (other.transpose() * turn).trace() > 1 + 2 * kAligned;
+      });
+    }
+  }
+}
+
 /// Labels of the structure's sides after a motion.
 std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const Pose& motion) {
   std::vector<std::uint8_t> after(static_cast<std::size_t>(structure.num_classes()), 0);
   for (int label = 1; label < structure.num_classes(); ++label) {
     const Side& side = structure.SideOfLabel(label);
     for (const Side& other : structure.sides()) {
-      if ((motion * side.centre - other.centre).norm() < kSamePlace &&
+      if ((motion * side.Middle() - other.Middle()).norm() < kSamePlace &&
           (motion.linear() * side.normal).dot(other.normal) > kSameNormal)
         after[static_cast<std::size_t>(label)] = other.label;
     }
@@ -104,7 +176,7 @@ std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const Pose& mo
 
 KdTree MiddlesOf(const std::vector<Box>& boxes) {
   std::vector<Eigen::Vector3d> middles;
-  for (const Box& box : boxes) middles.push_back(box.structure_from_box.translation());
+  for (const Box& box : boxes) middles.push_back(MiddleOf(box));
   return KdTree(std::move(middles));
 }
 
@@ -113,7 +185,7 @@ int CountMoved(const std::vector<Box>& boxes, const KdTree& middles, const Pose&
   std::size_t moved = 0;
   for (std::size_t i = 0; i < boxes.size(); ++i) {
     if (2 * (i - moved) > boxes.size()) return 0;
-    const Eigen::Vector3d middle = motion * boxes[i].structure_from_box.translation();
+    const Eigen::Vector3d middle = motion * MiddleOf(boxes[i]);
     const int onto = middles.Nearest(middle, 2 * kSamePlace).index;
     if (onto >= 0 && BringsOnto(motion, boxes[i], boxes[static_cast<std::size_t>(onto)])) ++moved;
   }
@@ -126,14 +198,16 @@ std::vector<StructureSymmetry> FindSymmetries(const Structure& structure) {
   const std::vector<Box>& boxes = structure.boxes();
   const KdTree middles = MiddlesOf(boxes);
   std::vector<StructureSymmetry> symmetries;
-  for (const Eigen::Matrix3d& turn : TurnsBetween(boxes)) {
+  std::vector<Eigen::Matrix3d> turns = TurnsBetween(boxes);
+  for (const Box& box : boxes)
+    if (box.mesh) AddTurnsOfFacets(box, &turns);
+  for (const Eigen::Matrix3d& turn : turns) {
     const std::size_t first = symmetries.size();
     for (const Box& from : boxes) {
       for (const Box& to : boxes) {
         StructureSymmetry symmetry;
         symmetry.motion.linear() = turn;
-        symmetry.motion.translation() =
-            to.structure_from_box.translation() - turn * from.structure_from_box.translation();
+        symmetry.motion.translation() = MiddleOf(to) - turn * MiddleOf(from);
         const auto same = [&](const StructureSymmetry& other) {
           return (other.motion.translation() - symmetry.motion.translation()).norm() < kSameMotion;
         };

@@ -1,7 +1,6 @@
 #include "infer/initial/view_fit.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
@@ -40,19 +39,6 @@ struct Ray {
   bool room = false;       // measured on a plane of the room
 };
 
-/// A side's borders: at +u, -u, +v, -v.
-constexpr int kBorders = 4;
-
-/// Distance of a point of a side's plane beyond the side's border, m; negative within it. `border`:
-/// the one that it lies farthest beyond, or nearest to.
-double Beyond(const Side& side, const Eigen::Vector3d& p, int* border = nullptr) {
-  const Eigen::Vector3d local = p - side.centre;
-  const double u = local.dot(side.axis_u), v = local.dot(side.axis_v);
-  const double beyond_u = std::abs(u) - side.half_u, beyond_v = std::abs(v) - side.half_v;
-  if (border) *border = beyond_u > beyond_v ? (u > 0 ? 0 : 1) : (v > 0 ? 2 : 3);
-  return std::max(beyond_u, beyond_v);
-}
-
 /// Areas beyond one border of a side, m^2: shown at the pose, with nothing in front, and of these
 /// where the surface ends or goes on.
 struct BorderShape {
@@ -62,22 +48,21 @@ struct BorderShape {
 /// Areas of one side, m^2.
 struct SideShape {
   double shown = 0, open = 0, explained = 0;
-  double seen = 0;  // explained, by Seen
-  std::array<BorderShape, kBorders> borders;
+  double seen = 0;                   // explained, by Seen
+  std::vector<BorderShape> borders;  // see Side::BorderAt
 };
 
 /// m^2 beyond a border that are needed to say something.
-double LeastBeyond(const Side& side, int border) {
-  const double length = 2 * (border < 2 ? side.half_v : side.half_u);
-  return kLeastShown * length * (kBeyondTo - kBeyondFrom);
+double LeastBeyond(const Border& border) {
+  return kLeastShown * border.length * (kBeyondTo - kBeyondFrom);
 }
 
 /// Does a side end at its borders, as far as they tell?
 bool EndsThere(const Side& side, const SideShape& shape) {
   double goes_on = 0, ends = 0;
-  for (int border = 0; border < kBorders; ++border) {
+  for (int border = 0; border < side.CountBorders(); ++border) {
     const BorderShape& beyond = shape.borders[static_cast<std::size_t>(border)];
-    if (!(beyond.goes_on + beyond.ends > LeastBeyond(side, border))) continue;
+    if (!(beyond.goes_on + beyond.ends > LeastBeyond(side.BorderAt(border)))) continue;
     goes_on += beyond.goes_on;
     ends += beyond.ends;
   }
@@ -90,13 +75,6 @@ struct StructurePlane {
   double offset = 0;
   bool open = false, found = false;
 };
-
-/// The plane of the face that a side has beyond its border.
-StructurePlane PlaneBeyond(const Side& side, int border) {
-  const Eigen::Vector3d& axis = border < 2 ? side.axis_u : side.axis_v;
-  const Eigen::Vector3d normal = border % 2 == 0 ? axis : Eigen::Vector3d(-axis);
-  return {normal, normal.dot(side.centre) + (border < 2 ? side.half_u : side.half_v), false, false};
-}
 
 void AddPlane(const StructurePlane& plane, std::vector<StructurePlane>* planes) {
   const auto known = std::find_if(planes->begin(), planes->end(), [&](const auto& other) {
@@ -118,11 +96,13 @@ void AddPlanes(const Side& side, const SideShape& shape, std::vector<StructurePl
   const bool open = shape.open > least_of_side;
   const bool found = shape.explained > least_of_side && EndsThere(side, shape);
   AddPlane({side.normal, side.normal.dot(side.centre), open, found}, planes);
-  for (int border = 0; border < kBorders; ++border) {
+  if (side.outline) return;  // what joins a facet there may face any way
+  for (int border = 0; border < side.CountBorders(); ++border) {
     const BorderShape& beyond = shape.borders[static_cast<std::size_t>(border)];
-    const double least = LeastBeyond(side, border);
+    const Border at = side.BorderAt(border);
+    const double least = LeastBeyond(at);
     if (!(beyond.shown > least)) continue;
-    StructurePlane plane = PlaneBeyond(side, border);
+    StructurePlane plane{at.outward, at.outward.dot(at.middle), false, false};
     plane.open = open && beyond.open > least;
     plane.found = found && beyond.ends > std::max(least, 2 * beyond.goes_on);
     AddPlane(plane, planes);
@@ -139,6 +119,7 @@ class Measurement {
         shapes_(structure.sides().size()) {
     for (std::size_t i = 0; i < structure.sides().size(); ++i) {
       const Side& side = structure.sides()[i];
+      shapes_[i].borders.resize(static_cast<std::size_t>(side.CountBorders()));
       if (side.exposed_area > 0 && side.normal.dot(origin - side.centre) > 0) facing_.push_back(i);
     }
   }
@@ -156,7 +137,7 @@ class Measurement {
     const double tolerance = tolerance_(ray.measured);
     const Eigen::Vector3d p = ray.origin + ray.measured * ray.direction;
     // Nearer to the border, neither a normal nor a depth behind it says anything.
-    const bool inner = Beyond(side, hit) < -kRoughPose;
+    const bool inner = side.Beyond(hit) < -kRoughPose;
     const bool near = std::abs(ray.measured - ray.expected) <= tolerance;
     const bool on_surface = near || DistanceToSurface(structure_, p).distance <= tolerance;
     if (!on_surface && ray.measured < ray.expected) return;  // something hides it
@@ -184,9 +165,12 @@ class Measurement {
       const double t = side.normal.dot(side.centre - ray.origin) / slope;
       const double tolerance = tolerance_(t);
       if (ray.expected > 0 && ray.expected < t + 2 * tolerance) continue;
-      const Eigen::Vector3d p = ray.origin + t * ray.direction;
+      const Eigen::Vector3d p = ray.origin + t * ray.direction, local = p - side.centre;
+      if (std::abs(side.axis_u.dot(local)) > side.half_u + kBeyondTo ||
+          std::abs(side.axis_v.dot(local)) > side.half_v + kBeyondTo)
+        continue;
       int border = 0;
-      const double distance = Beyond(side, p, &border);
+      const double distance = side.Beyond(p, &border);
       if (distance < kBeyondFrom || distance > kBeyondTo || p.y() < foot_ + kRoughPose) continue;
       BorderShape& beyond = shapes_[index].borders[static_cast<std::size_t>(border)];
       const double area = Area(ray, side, t);

@@ -1,5 +1,6 @@
 #include "infer/refine/association.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
 
 #include "infer/view/alike.h"
@@ -17,22 +18,22 @@ constexpr double kOneSidedAgrees = kSameDirection;
 
 }  // namespace
 
-bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
-                 double gate, EdgeLine* line) {
+int NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
+                double gate) {
   double best = gate;
-  bool found = false;
-  for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector3d direction = (i % 2 ? -1.0 : 1.0) * (i < 2 ? side.axis_u : side.axis_v);
-    if (direction.dot(outward) < kEdgeAgrees) continue;
-    const double offset = direction.dot(side.centre) + (i < 2 ? side.half_u : side.half_v);
-    const double distance = std::abs(direction.dot(p) - offset);
-    if (distance < best) {
-      best = distance;
-      *line = {direction, offset, i};
-      found = true;
-    }
+  int nearest = -1;
+  for (int i = 0; i < side.CountBorders(); ++i) {
+    const Border border = side.BorderAt(i);
+    if (border.outward.dot(outward) < kEdgeAgrees) continue;
+    const Eigen::Vector3d from_middle = p - border.middle;
+    const double distance = std::abs(border.outward.dot(from_middle));
+    // Another border of an outline may lie on the same line.
+    const double along = std::abs(border.outward.cross(side.normal).dot(from_middle));
+    if (distance >= best || (side.outline && along > border.length / 2 + gate)) continue;
+    best = distance;
+    nearest = i;
   }
-  return found;
+  return nearest;
 }
 
 bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const SidePoint& point,
@@ -45,16 +46,18 @@ bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const S
          (sensor.structure_from_sensor.linear() * point.normal).dot(side.normal) > kFacesAlike;
 }
 
-bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
-                  double gate, EdgeLine* line) {
+int EdgeUnder(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
+              double gate) {
   const Side& side = structure.SideOfLabel(edge.label);
   const Eigen::Matrix3d rotation = sensor.structure_from_sensor.linear();
   const Eigen::Vector3d p = sensor.InStructure(edge.p);
-  if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return false;
-  if ((rotation * edge.normal).dot(side.normal) < kFacesAlike) return false;
+  if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return -1;
+  if ((rotation * edge.normal).dot(side.normal) < kFacesAlike) return -1;
   const Eigen::Vector3d outward = rotation * edge.outward;
-  return NearestEdge(side, p, outward, gate, line) &&
-         (!edge.one_sided || line->direction.dot(outward) > kOneSidedAgrees);
+  const int under = NearestEdge(side, p, outward, gate);
+  if (under >= 0 && edge.one_sided && side.BorderAt(under).outward.dot(outward) <= kOneSidedAgrees)
+    return -1;
+  return under;
 }
 
 }  // namespace volalign::refine_internal

@@ -19,26 +19,19 @@ struct Gates {
   double min_cosine = kOnePlane;  ///< between their normals
 };
 
-/// One of the four edge lines of a side: direction . p = offset. The direction points out of the
-/// side.
-struct EdgeLine {
-  Eigen::Vector3d direction;
-  double offset;
-  int edge;  ///< 0 ... 3: +u, -u, +v, -v
-};
-
-/// Finds the nearest edge of the side within `gate`, m, of a silhouette point p. The edge's
-/// direction has to agree with `outward`. Structure frame. Returns false if there is none.
-bool NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
-                 double gate, EdgeLine* line);
+/// The nearest edge of the side within `gate`, m, of a silhouette point p: an index of
+/// Side::BorderAt. The edge's direction has to agree with `outward`. Structure frame. -1 if there
+/// is none.
+int NearestEdge(const Side& side, const Eigen::Vector3d& p, const Eigen::Vector3d& outward,
+                double gate);
 
 /// Does a labelled point lie within `gate`, m, of its side, and does its normal agree? False if the
 /// point is not finite.
 bool LiesOnItsSide(const Structure& structure, const FrameState& sensor, const SidePoint& point,
                    double gate);
 
-/// Does a silhouette point lie within `gate`, m, of an edge of its side? `line`: that edge.
-bool LiesOnAnEdge(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
-                  double gate, EdgeLine* line);
+/// The edge of its side that a silhouette point lies on, within `gate`, m. -1 if there is none.
+int EdgeUnder(const Structure& structure, const FrameState& sensor, const EdgePoint& edge,
+              double gate);
 
 }  // namespace volalign::refine_internal

@@ -27,7 +27,7 @@ struct FaceObservation {
 struct EdgeObservation {
   Eigen::Vector3d p;
   int label = 0;
-  int edge = 0;         ///< 0 ... 3: +u, -u, +v, -v of the side
+  int edge = 0;         ///< of the side, see Side::BorderAt
   int axis = 0;         ///< see EdgePoint
   double pixel = 0;     ///< m across the edge, in the side's plane, that one pixel covers
   double variance = 0;  ///< px^2, independent of the other observations'

@@ -166,9 +166,9 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
   // By label, edge, block, axis, and whether one-sided.
   std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
-    EdgeLine line;
-    if (LiesOnAnEdge(built, sensor, edge, gates.side, &line))
-      lines[{edge.label, line.edge, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
+    const int border = EdgeUnder(built, sensor, edge, gates.side);
+    if (border >= 0)
+      lines[{edge.label, border, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
   }
   observed->lens = points.lens;
   observed->faces.clear();

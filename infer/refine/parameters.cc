@@ -17,14 +17,14 @@ Eigen::MatrixXd FrameColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
   return columns;
 }
 
-Priors PriorsOf(const PriorOptions& options) {
+Priors PriorsOf(const PriorOptions& options, std::size_t boxes) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
   if (options.depth_gain_sigma_percent >= 0) priors.gain = options.depth_gain_sigma_percent / 100;
   priors.edge_shift = options.edge_shift_sigma_px;
   priors.size = options.size_sigma_percent / 100;
-  priors.box = options.box_sigma_m;
-  priors.yaw = options.box_sigma_deg * kDegree;
+  priors.box = boxes > 1 ? options.box_sigma_m : 0;
+  priors.yaw = boxes > 1 ? options.box_sigma_deg * kDegree : 0;
   priors.bulge = options.bulge_sigma_m;
   return priors;
 }

@@ -78,7 +78,8 @@ struct Priors {
   Eigen::Vector3d lens = Eigen::Vector3d::Zero();
   double focal = 0;  ///< see SensorLens::own_focal_sigma
 };
-Priors PriorsOf(const PriorOptions& options);
+/// A single box stands where the structure stands: it has no place of its own.
+Priors PriorsOf(const PriorOptions& options, std::size_t boxes);
 
 /// A standard deviation of zero means "known". This is the least one to divide by.
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }

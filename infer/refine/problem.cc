@@ -46,7 +46,7 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       frames(frames_in),
       setup(setup_in),
       model(structure_in),
-      priors(refine_internal::PriorsOf(setup_in.prior)),
+      priors(refine_internal::PriorsOf(setup_in.prior, structure_in.boxes().size())),
       lenses(WithKnownLens(lenses_in, frames_in)),
       frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
       layout(frame_of, captures, model.size(), lenses.size()) {

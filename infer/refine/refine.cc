@@ -115,7 +115,7 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
   if (setup.is_final && !setup.is_final(result)) return result;
   AddUncertainties(problem, agreed, unsolved, PosteriorOf(problem, agreed.solution, asked_for),
                    &result);
-  if (setup.free.scale_priors && IsBuildInDoubt(result))
+  if (setup.free.scale_priors && structure.IsOfBoxes() && IsBuildInDoubt(result))
     result.wrong_edge = LikeliestEdge(problem, solution);
   return result;
 }

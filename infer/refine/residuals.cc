@@ -71,9 +71,8 @@ class Scene {
 
   MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
   MovedPlane PlaneOfEdge(const Side& side, int edge) const {
-    const Eigen::Vector3d direction =
-        (edge % 2 ? -1.0 : 1.0) * (edge < 2 ? side.axis_u : side.axis_v);
-    return Moved(side, direction, edge < 2 ? side.half_u : side.half_v);
+    const Border border = side.BorderAt(edge);
+    return Moved(side, border.outward, border.extent);
   }
 
   double Distance(const MovedPlane& plane, const Eigen::Vector3d& at) const {

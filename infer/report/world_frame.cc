@@ -92,6 +92,11 @@ Eigen::Vector3d CornerOf(const TouchedPoint& point, const Structure& nominal,
         Shortened(point.corner)));
   }
   const Box& box = built.boxes()[static_cast<std::size_t>(found - boxes.begin())];
+  if (box.mesh) {
+    throw ConfigError(fmt::format(
+        "--world: \"{}\" is a mesh, which has no corners with names; give world_from_structure",
+        Shortened(point.box)));
+  }
   Eigen::Vector3d corner = 0.5 * box.size;
   for (int i = 0; i < 3; ++i)
     if (point.corner[static_cast<std::size_t>(i)] == '-') corner[i] = -corner[i];

@@ -18,6 +18,7 @@
 #include "infer/report/report.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
@@ -64,6 +65,36 @@ TEST(CalibrateByGeometry, AnyBoxesWithoutAModel) {
     EXPECT_EQ(sensor.initial_source, PoseSource::kGeometry);
   }
   EXPECT_TRUE(Has(FormatReport(result), "  geometry  "));
+}
+
+TEST(CalibrateByGeometry, ObjectsOfOtherForms) {
+  for (const mesh_shapes::Shape& shape :
+       {mesh_shapes::Ell(), mesh_shapes::Lectern(), mesh_shapes::Housing()}) {
+    SCOPED_TRACE(shape.name);
+    Rig rig{mesh_shapes::StructureOf(shape), {}, {}};
+    for (int i = 0; i < 3; ++i)
+      AddNoisy(RingPose(30.0 + 110 * i, 2.0, 0.5, 90, {0, 0, 0}), {true, 3.0}, &rig);
+    for (const FrameResult& sensor : CalibrateByShape(rig.frames, rig.structure).sensors) {
+      SCOPED_TRACE(sensor.name);
+      EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
+      ASSERT_TRUE(sensor.error.has_value());
+      EXPECT_TRUE(Within(*sensor.error, 0.006, 0.3));
+    }
+  }
+}
+
+TEST(CalibrateByGeometry, AMeshOfTheStackGivesThePosesOfTheStack) {
+  Rig rig = ThreeSensors();
+  const CalibrationResult boxes = CalibrateByShape(rig.frames, rig.structure);
+  const CalibrationResult mesh =
+      CalibrateByShape(rig.frames, mesh_shapes::StructureOf(mesh_shapes::Stack()));
+  for (std::size_t i = 0; i < rig.frames.size(); ++i) {
+    ASSERT_TRUE(boxes.sensors[i].structure_from_sensor && mesh.sensors[i].structure_from_sensor);
+    EXPECT_LT((boxes.sensors[i].structure_from_sensor->translation() -
+               mesh.sensors[i].structure_from_sensor->translation())
+                  .norm(),
+              1e-4);
+  }
 }
 
 TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/base/random.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::aliases_test {
@@ -237,6 +238,29 @@ TEST(FindSymmetries, FiftyOneBoxesTakeFarLessThanToTryEachMotion) {
       by_definition = 60000. / tried * static_cast<double>(std::clock() - found);
     }
     EXPECT_LT(static_cast<double>(found - start), by_definition / 50) << structure.name();
+  }
+}
+
+TEST(FindSymmetries, OfMeshes) {
+  const auto upright = [](const Structure& structure) {
+    int count = 0;
+    for (const StructureSymmetry& symmetry : FindSymmetries(structure))
+      count += symmetry.keeps_up() ? 1 : 0;
+    return count;
+  };
+  using namespace mesh_shapes;
+  EXPECT_EQ(upright(StructureOf(Table())), 1) << "half a turn";
+  EXPECT_EQ(upright(StructureOf(Ell())), 0);
+  EXPECT_EQ(upright(StructureOf(Stool())), 0);
+  const auto drum = [](int segments) {
+    return StructureOf({"drum", {Joined("drum", {Cylinder({0.7, 0, 0.2}, 0.3, 0.5, segments)})}});
+  };
+  EXPECT_EQ(upright(drum(3)), 2);
+  EXPECT_EQ(upright(drum(8)), 7);
+  // Every label of a side is that of a side.
+  for (const StructureSymmetry& symmetry : FindSymmetries(drum(8))) {
+    if (!symmetry.keeps_up()) continue;
+    EXPECT_EQ(std::count(symmetry.label_after.begin() + 1, symmetry.label_after.end(), 0), 0);
   }
 }
 

@@ -464,7 +464,6 @@ TEST(OneSided, WhatIsHiddenHasNone) {
 // An Azure Kinect lights a hexagon, whose sides run at 30 deg to the picture's: nothing is seen
 // beyond them, and what ends there is no edge of the structure.
 TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
-  using refine_internal::EdgeLine;
   Frame frame(RingPose(90));
   const auto lit = [](int u, int v) { return std::abs(u - 164) <= 130 - 0.58 * std::abs(v - 148); };
   frame.Erase([&](int u, int v) { return !lit(u, v); });
@@ -476,8 +475,7 @@ TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
     const double margin = 130 - 0.58 * std::abs(at.y() - 148) - std::abs(at.x() - 164);
     if (std::abs(margin) > 4 || std::abs(frame.Outside(edge)) < 4 * edge.pixel) continue;
     ++on_border;
-    EdgeLine line;
-    taken += LiesOnAnEdge(frame.structure, sensor, edge, 0.15, &line) ? 1 : 0;
+    taken += EdgeUnder(frame.structure, sensor, edge, 0.15) >= 0 ? 1 : 0;
   }
   ASSERT_GT(on_border, 10);
   EXPECT_LE(taken, on_border / 10);

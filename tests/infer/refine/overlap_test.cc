@@ -251,20 +251,21 @@ Side Table() {
 }
 
 TEST(NearestEdge, IsTheOneThatTheSilhouetteFaces) {
-  EdgeLine line{};
   // In a corner, 1 cm from the edge +v and 2 cm from +u: the direction decides.
   const Eigen::Vector3d p(0.06, 0, 0.12);
-  ASSERT_TRUE(NearestEdge(Table(), p, Eigen::Vector3d::UnitX(), 0.05, &line));
-  EXPECT_EQ(line.edge, 2);
-  EXPECT_NEAR(line.direction.dot(p) - line.offset, 0.01, 1e-12);
-  ASSERT_TRUE(NearestEdge(Table(), p, Eigen::Vector3d::UnitZ(), 0.05, &line));
-  EXPECT_EQ(line.edge, 0);
-  EXPECT_NEAR(line.direction.dot(p) - line.offset, 0.02, 1e-12);
+  const Side table = Table();
+  const auto beyond = [&](int edge) {
+    const Border border = table.BorderAt(edge);
+    return border.outward.dot(p - table.centre) - border.extent;
+  };
+  ASSERT_EQ(NearestEdge(table, p, Eigen::Vector3d::UnitX(), 0.05), 2);
+  EXPECT_NEAR(beyond(2), 0.01, 1e-12);
+  ASSERT_EQ(NearestEdge(table, p, Eigen::Vector3d::UnitZ(), 0.05), 0);
+  EXPECT_NEAR(beyond(0), 0.02, 1e-12);
   // In between, the nearer one.
-  ASSERT_TRUE(NearestEdge(Table(), p, Eigen::Vector3d(1, 0, 1).normalized(), 0.05, &line));
-  EXPECT_EQ(line.edge, 2);
-  EXPECT_FALSE(NearestEdge(Table(), p, Eigen::Vector3d::UnitX(), 0.009, &line)) << "the gate";
-  EXPECT_FALSE(NearestEdge(Table(), p, Eigen::Vector3d::UnitY(), 0.05, &line)) << "no edge";
+  EXPECT_EQ(NearestEdge(table, p, Eigen::Vector3d(1, 0, 1).normalized(), 0.05), 2);
+  EXPECT_EQ(NearestEdge(table, p, Eigen::Vector3d::UnitX(), 0.009), -1) << "the gate";
+  EXPECT_EQ(NearestEdge(table, p, Eigen::Vector3d::UnitY(), 0.05), -1) << "no edge";
 }
 
 TEST(LiesOnItsSide, AsksForDistanceAndDirection) {
