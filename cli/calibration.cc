@@ -68,8 +68,8 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
   if (model == "none") {
     if (structure) return {nullptr, kGeometry};
     throw ConfigError(
-        "--model none needs a structure; describe the boxes in a YAML and give it with "
-        "--structure");
+        "--model none needs a structure; describe the boxes in a YAML, or take a mesh, and give it "
+        "with --structure");
   }
   if (model != "shipped") return {load(model, structure), "model: " + model};
   std::error_code error;
@@ -171,8 +171,10 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
          "or none if that does not know the structure. none: poses come from the structure's "
          "shape alone")
       ->capture_default_str();
-  app->add_option("--structure", request->structure,
-                  "the structure (.yaml). Without it: that of the capture, else that of the model");
+  app->add_option(
+      "--structure", request->structure,
+      "the structure: .yaml, or a mesh (.glb, .gltf, .obj, .stl, .ply). Without it: that "
+      "of the capture, else that of the model");
   app->add_option("--initial", request->initial,
                   "source of initial poses: network, geometry, auto (the default: geometry, and "
                   "the network if there is a model), or paper (the paper's estimator)")

@@ -81,7 +81,7 @@ Command AddInitCommand(CLI::App& program) {
       "file of intrinsics for sensors that have none of their own. typical: those of "
       "configs/intrinsics.yaml for the kind that --sensor names; all poses are then weak");
   app->add_option("--structure", options->structure,
-                  "the structure that the sensors see (.yaml), for `calibrate`");
+                  "the structure that the sensors see (.yaml or a mesh), for `calibrate`");
   app->add_option("--sensor", options->sensor,
                   "kind of the devices, a name of configs/intrinsics.yaml, e.g. "
                   "azure_kinect_nfov_binned. It decides which lens is assumed");

@@ -9,8 +9,11 @@
 #include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
+#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/formats/structure_gltf.h"
+#include "core/geometry/mesh_file.h"
+#include "core/geometry/stack_faults.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/plan/target_report.h"
 #include "infer/stack/build_sheet.h"
@@ -34,22 +37,87 @@ Table SidesTable(const Structure& structure) {
                    {"exposed", "exposed %", 100, 0}};
   for (int label = 1; label < structure.num_classes(); ++label) {
     const Side& side = structure.SideOfLabel(label);
-    const Eigen::Vector3d &c = side.centre, &e = side.exposed_centroid;
+    const Eigen::Vector3d c = side.Middle(), &e = side.exposed_centroid;
     table.rows.push_back({CellOf(label), side.name, c.x(), c.y(), c.z(), e.x(), e.y(), e.z(),
-                          side.exposed_area / (4 * side.half_u * side.half_v)});
+                          side.exposed_area / side.Area()});
   }
   return table;
+}
+
+std::string Parts(const Structure& structure) {
+  const std::size_t count = structure.boxes().size();
+  const char* one = structure.IsOfBoxes() ? "box" : "part";
+  const char* many = structure.IsOfBoxes() ? "boxes" : "parts";
+  return fmt::format("{} {}", count, count == 1 ? one : many);
+}
+
+/// For meshes, the surface that has no label.
+std::string WithoutLabel(const Structure& structure) {
+  if (structure.IsOfBoxes()) return "";
+  double area = 0, all = 0;
+  int sides = 0;
+  for (const Side& side : structure.sides()) {
+    all += side.Area();
+    if (side.label > 0) continue;
+    area += side.Area();
+    ++sides;
+  }
+  return fmt::format(
+      "{} side{} without label, {:.0f} % of the surface: facing down, curved, or smaller than {:g} "
+      "cm2 or {:g} cm wide\n",
+      sides, sides == 1 ? "" : "s", 100 * area / all, 1e4 * kLeastFacetArea,
+      1e2 * kLeastFacetWidth);
 }
 
 void PrintStructure(const Structure& structure, const TableOutput& output) {
   WarnOf(structure);
   const Table table = SidesTable(structure);
-  const std::size_t boxes = structure.boxes().size();
-  output.Print(fmt::format("{}: {} box{}, {} labels and background, {:.0f} mm high, sha256 {}\n{}",
-                           structure.name(), boxes, boxes == 1 ? "" : "es",
-                           structure.num_classes() - 1, structure.Height() * 1e3,
-                           structure.Hash().substr(0, 16), FormatTable(table, TableFormat::kText)),
+  output.Print(fmt::format("{}: {}, {} labels and background, {:.0f} mm high, sha256 {}\n{}{}",
+                           structure.name(), Parts(structure), structure.num_classes() - 1,
+                           structure.Height() * 1e3, structure.Hash().substr(0, 16),
+                           WithoutLabel(structure), FormatTable(table, TableFormat::kText)),
                table);
+}
+
+/// How a mesh is read.
+struct MeshOptions {
+  double scale = 1;
+  std::string up = ToString(MeshUp::kFormat);
+};
+
+Structure ReadToBuild(const std::string& file, const MeshOptions& options) {
+  MeshUp up = MeshUp::kFormat;
+  FromWord(options.up, &up);
+  if (options.scale == 1 && up == MeshUp::kFormat) return ReadStructure(file);
+  if (!IsMeshFile(file)) {
+    throw ConfigError(fmt::format(
+        "{}: --mesh-scale and --mesh-up are for a mesh; a YAML has millimetres, y up", file));
+  }
+  try {
+    Structure structure =
+        Structure::FromBoxes(std::filesystem::path(file).stem().string(),
+                             ReadMeshParts(FindInputFile(file), options.scale, up));
+    RequireStack(structure);
+    return structure;
+  } catch (const DataError& error) {
+    throw ConfigError(fmt::format("{}: {}", file, error.what()));
+  }
+}
+
+void Build(const std::string& file, const MeshOptions& options, const std::string& output,
+           const TableOutput& table) {
+  const std::string ending = std::filesystem::path(output).extension().string();
+  if (ending != ".glb" && ending != ".yaml")
+    throw ConfigError(output + ": the file to write ends in .glb or .yaml");
+  const Structure structure = ReadToBuild(file, options);
+  if (ending == ".glb") {
+    WriteStructureGlb(output, structure);
+  } else {
+    WriteFileAtomically(output, StructureYaml(structure));
+  }
+  SaveCommand(output);
+  PrintStructure(structure, table);
+  table.Say("written: " + output);
 }
 
 #ifdef VOLALIGN_HAS_INFER
@@ -97,7 +165,8 @@ void Suggest(const std::string& boxes, const std::string& file, const SuggestOpt
 
 Command AddStructureCommand(CLI::App& program) {
   struct Options {
-    std::string boxes, glb, show, check, picture;
+    std::string boxes, output, show, check, picture;
+    MeshOptions mesh;
     TableOutput table;
 #ifdef VOLALIGN_HAS_INFER
     std::string build, sheet, owned, suggested;
@@ -106,24 +175,40 @@ Command AddStructureCommand(CLI::App& program) {
 #endif
   };
   auto options = std::make_shared<Options>();
-  CLI::App* app = program.add_subcommand("structure", "Build or show the structure of boxes");
+  CLI::App* app =
+      program.add_subcommand("structure", "Build or show the structure: boxes, or a mesh");
   app->require_subcommand(1);
-  CLI::App* build = app->add_subcommand("build", "Write a .glb from a YAML of boxes");
+  constexpr char kFile[] = ".yaml, or a mesh: .glb, .gltf, .obj, .stl, .ply";
+  CLI::App* build = app->add_subcommand(
+      "build", "Write a .glb to look at, or a .yaml, from a YAML of boxes or from a mesh");
   build
-      ->add_option("boxes", options->boxes,
-                   "YAML of boxes, millimetres (see configs/structure.yaml)")
+      ->add_option("structure", options->boxes,
+                   "YAML of boxes, millimetres (see configs/structure.yaml), or a mesh: .glb, "
+                   ".gltf, .obj, .stl, .ply")
       ->required();
-  build->add_option("-o,--output", options->glb, "picture of the stack to write, glTF (.glb)")
+  build
+      ->add_option("-o,--output", options->output,
+                   "picture of the stack to write, glTF (.glb), or the structure itself (.yaml)")
       ->required();
+  build
+      ->add_option("--mesh-scale", options->mesh.scale,
+                   "metres per unit of a mesh: 0.001 for millimetres")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  build
+      ->add_option("--mesh-up", options->mesh.up,
+                   "the axis of a mesh that points up; format: y in glTF and OBJ, z in STL and PLY")
+      ->check(CLI::IsMember(WordsOfAll<MeshUp>()))
+      ->capture_default_str();
   options->table.AddOptions(build);
   CLI::App* show = app->add_subcommand("show", "Print labels, sides and keypoints");
-  show->add_option("structure", options->show, ".yaml")->required();
+  show->add_option("structure", options->show, kFile)->required();
   options->table.AddOptions(show);
 #ifdef VOLALIGN_HAS_INFER
   CLI::App* check = app->add_subcommand("check",
-                                        "Say whether a set of boxes is a good target: its "
+                                        "Say whether boxes or a mesh are a good target: its "
                                         "symmetries, and which views determine a pose");
-  check->add_option("structure", options->check, ".yaml")->required();
+  check->add_option("structure", options->check, kFile)->required();
   check
       ->add_option("--distance", options->views.distance_m,
                    "horizontal distance of the sensors from the stack's middle, m")
@@ -139,7 +224,7 @@ Command AddStructureCommand(CLI::App& program) {
   options->table.AddOptions(check);
   CLI::App* sheet = app->add_subcommand(
       "sheet", "Draw how to build it: one A4 page to print, with every length in mm");
-  sheet->add_option("structure", options->build, ".yaml")->required();
+  sheet->add_option("structure", options->build, ".yaml of boxes")->required();
   sheet->add_option("-o,--output", options->sheet, "picture to write, SVG")->required();
   CLI::App* suggest = app->add_subcommand(
       "suggest", "Find a stack of your boxes that is a good target: its YAML and its sheet");
@@ -180,11 +265,7 @@ Command AddStructureCommand(CLI::App& program) {
             }
 #endif
             if (*build) {
-              const Structure structure = ReadStructure(options->boxes);
-              WriteStructureGlb(options->glb, structure);
-              SaveCommand(options->glb);
-              PrintStructure(structure, options->table);
-              options->table.Say("written: " + options->glb);
+              Build(options->boxes, options->mesh, options->output, options->table);
             } else {
               PrintStructure(ReadStructure(options->show), options->table);
             }

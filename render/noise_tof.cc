@@ -26,6 +26,7 @@ constexpr double kFill[2] = {0, 0.02};            // m, too near in the corner i
 constexpr float kMultipathReach = 0.3F;           // m from the seam
 constexpr float kFillReach = 0.06F;  // m, of the spatial filter that rounds concave corners
 constexpr double kSeamRise = 0.02;   // m: least rise of a box in front of a face
+constexpr float kSeamLevel = 0.99F;  // cosine: a side of a mesh is parallel to the floor
 // Weak returns.
 constexpr double kAmplitudeThreshold[2] = {0.001, 0.004};  // reflectivity cos / m^2, log-uniform
 constexpr double kPatchCorrelation[2] = {10, 30};          // px
@@ -53,20 +54,29 @@ struct TofFace {
   float height = 0;        // distance of the eye from the plane, m
   float reflectivity = 0;  // 0..1
   bool is_structure = false;
-  bool meets_floor = false;      // an upright side of the structure
-  std::uint64_t seam_boxes = 0;  // bit b: box b rises in front of this face, a concave seam
+  bool meets_floor = false;  // an upright side of the structure
+  int seams = -1;            // index into Seams::rising; -1: none
 };
 
-/// A box of the structure in its own frame, to find the concave seams near a point.
+/// A box of the structure, or the rectangle around a flat side of a mesh, in its own frame, to find
+/// the concave seams near a point.
 struct SeamBox {
   Eigen::Matrix<float, 3, 3, Eigen::RowMajor> rotation;  ///< box_from_structure
   Eigen::Vector3f centre;                                ///< in the structure's frame, m
   Eigen::Vector3f half;                                  ///< half its size, m
+  Eigen::Vector3f lights;                                ///< a rectangle's normal; zero: a box
 
   /// Extent of the box along n from the origin, m.
   float Support(const Eigen::Vector3f& n) const {
     return n.dot(centre) + (rotation * n).cwiseAbs().dot(half);
   }
+};
+
+/// What rises in front of the sides of the structure: light from there makes a concave seam. Curved
+/// and small surfaces of meshes neither give nor take such light.
+struct Seams {
+  std::vector<SeamBox> boxes;
+  std::vector<std::vector<std::uint16_t>> rising;  // indices of boxes; of the sides, then the floor
 };
 
 /// Width in px (at 320) of the run of lost pixels at a depth edge. `q` is its quantile: 0 px 33 %,
@@ -82,20 +92,68 @@ float GapWidth(float q) {
 
 float NormalCdf(float x) { return 0.5F * std::erfc(-0.70710678F * x); }
 
-std::vector<SeamBox> SeamBoxes(const NoiseInput& input) {
-  std::vector<SeamBox> boxes;
-  const bool present = std::any_of(input.mesh.objects.begin(), input.mesh.objects.end(),
-                                   [](const SceneObject& o) { return o.is_structure; });
-  if (!present) return boxes;
-  for (const Box& box : input.structure.boxes()) {
-    boxes.push_back({box.structure_from_box.linear().transpose().cast<float>(),
-                     box.structure_from_box.translation().cast<float>(),
-                     (0.5 * box.size).cast<float>()});
-  }
-  return boxes;
+SeamBox SeamBoxOf(const Side& side) {
+  SeamBox box;
+  box.rotation.row(0) = side.axis_u.cast<float>();
+  box.rotation.row(1) = side.axis_v.cast<float>();
+  box.rotation.row(2) = side.normal.cast<float>();
+  box.centre = side.centre.cast<float>();
+  box.half = Eigen::Vector3d(side.half_u, side.half_v, 0).cast<float>();
+  box.lights = side.normal.cast<float>();
+  return box;
 }
 
-std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox>& boxes) {
+/// The boxes that rise in front of a plane. Of the rectangles, those that see `taker`, if it is
+/// given, or are not level.
+std::vector<std::uint16_t> Rising(const std::vector<SeamBox>& boxes, const Eigen::Vector3f& normal,
+                                  double offset, const SeamBox* taker) {
+  std::vector<std::uint16_t> rising;
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const SeamBox& box = boxes[b];
+    if (!(box.Support(normal) > offset + kSeamRise)) continue;
+    if (!box.lights.isZero()) {
+      const bool sees = taker ? taker->Support(box.lights) > box.lights.dot(box.centre) + kSeamRise
+                              : box.lights.dot(normal) < kSeamLevel;
+      if (!sees) continue;
+    }
+    rising.push_back(static_cast<std::uint16_t>(b));
+  }
+  return rising;
+}
+
+Seams SeamsOf(const NoiseInput& input) {
+  const std::vector<Side>& sides = input.structure.sides();
+  Seams seams;
+  seams.rising.resize(sides.size() + 1);
+  const bool present = std::any_of(input.mesh.objects.begin(), input.mesh.objects.end(),
+                                   [](const SceneObject& o) { return o.is_structure; });
+  if (!present) return seams;
+  std::vector<bool> takes(sides.size(), true);
+  std::size_t first = 0;  // of the part's sides
+  for (const Box& box : input.structure.boxes()) {
+    if (!box.mesh) {
+      seams.boxes.push_back({box.structure_from_box.linear().transpose().cast<float>(),
+                             box.structure_from_box.translation().cast<float>(),
+                             (0.5 * box.size).cast<float>(), Eigen::Vector3f::Zero()});
+    }
+    for (std::size_t i = 0; box.mesh && i < box.mesh->facets().size(); ++i) {
+      takes[first + i] = box.mesh->facets()[i].flat;
+      if (takes[first + i]) seams.boxes.push_back(SeamBoxOf(sides[first + i]));
+    }
+    first += static_cast<std::size_t>(box.CountSides());
+  }
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    const SeamBox taker = SeamBoxOf(sides[i]);
+    if (takes[i])
+      seams.rising[i] =
+          Rising(seams.boxes, taker.lights, sides[i].normal.dot(sides[i].centre), &taker);
+  }
+  seams.rising.back() =
+      Rising(seams.boxes, Eigen::Vector3f::UnitY(), input.structure.FloorHeight(), nullptr);
+  return seams;
+}
+
+std::vector<TofFace> TofFaces(const NoiseInput& input, const Seams& seams) {
   const Eigen::Vector3d eye = input.structure_from_sensor.translation();
   const double floor = input.structure.FloorHeight();
   std::vector<TofFace> infos(input.mesh.faces.size());
@@ -109,11 +167,7 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const std::vector<SeamBox
         !object.is_structure && face.normal.y() > 0.99 && std::abs(face.offset - floor) < 2e-3;
     if (infos[i].height <= 0 || !(object.is_structure || is_floor)) continue;
     infos[i].meets_floor = object.is_structure && std::abs(face.normal.y()) < 0.5;
-    for (std::size_t b = 0; b < boxes.size(); ++b) {
-      if (boxes[b].Support(face.normal.cast<float>()) > face.offset + kSeamRise) {
-        infos[i].seam_boxes |= std::uint64_t{1} << b;
-      }
-    }
+    infos[i].seams = object.is_structure ? face.side : static_cast<int>(seams.rising.size()) - 1;
   }
   return infos;
 }
@@ -256,7 +310,7 @@ struct SeamRow {
   Eigen::Matrix<float, 3, 3, Eigen::RowMajor> rotation;  ///< structure_from_sensor
   Eigen::Vector3f eye;                                   ///< in the structure's frame, m
   const std::vector<SeamBox>& boxes;
-  std::uint64_t rising;  ///< bit b: box b rises before the face
+  const std::vector<std::uint16_t>* rising;  ///< those before the face
   bool meets_floor;
   float floor;            ///< its height, m
   float multipath, fill;  ///< m: errors at a seam
@@ -286,8 +340,7 @@ VOLALIGN_CLONES void AddSeams(const SeamRow& row, float* __restrict error,
     pz[u] = eye_z + Dot(z * r[6], z * r[7], z * r[8], x, y, 1);
     nearest[u] = kMultipathReach;
   }
-  for (std::size_t b = 0; b < row.boxes.size(); ++b) {
-    if ((row.rising >> b & 1) == 0) continue;
+  for (const std::uint16_t b : *row.rising) {
     const SeamBox box = row.boxes[b];
     const float *const q = box.rotation.data(), *const centre = box.centre.data(),
                        *const half = box.half.data();
@@ -316,15 +369,16 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
                   Image<std::uint8_t>* keep) {
   const RenderedView& view = input.view;
   const TofDevice& device = frame.device;
-  const std::vector<SeamBox> boxes = SeamBoxes(input);
-  const std::vector<TofFace> infos = TofFaces(input, boxes);
+  const Seams seams = SeamsOf(input);
+  const std::vector<TofFace> infos = TofFaces(input, seams);
+  const std::vector<std::uint16_t> no_seams;
   SeamRow seam{0,
                nullptr,
                nullptr,
                input.structure_from_sensor.linear().cast<float>(),
                input.structure_from_sensor.translation().cast<float>(),
-               boxes,
-               0,
+               seams.boxes,
+               nullptr,
                false,
                static_cast<float>(input.structure.FloorHeight()),
                device.multipath,
@@ -359,11 +413,14 @@ void MeasureDepth(const NoiseInput& input, const FrameNoise& frame, DepthImage* 
     });
     MeasureRow(row, error.data(), &(*keep)[first]);
     ForEachRun(row.faces, width, [&](int begin, int end, std::size_t face) {
-      if (infos[face].meets_floor || infos[face].seam_boxes != 0) {
+      const auto& rising = infos[face].seams < 0
+                               ? no_seams
+                               : seams.rising[static_cast<std::size_t>(infos[face].seams)];
+      if (infos[face].meets_floor || !rising.empty()) {
         seam.count = end - begin;
         seam.depth = row.depth + begin;
         seam.rays = row.rays + std::ptrdiff_t{2} * begin;
-        seam.rising = infos[face].seam_boxes;
+        seam.rising = &rising;
         seam.meets_floor = infos[face].meets_floor;
         AddSeams(seam, &error[static_cast<std::size_t>(begin)], scratch.data());
       }

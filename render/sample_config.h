@@ -93,7 +93,7 @@ struct SampleConfig {
 
   template <class Archive>
   void Describe(Archive& ar) {
-    ar("structure", structure, "structure file, .yaml");
+    ar("structure", structure, "structure file: .yaml, or a mesh (.glb, .gltf, .obj, .stl, .ply)");
     ar("intrinsics", intrinsics, "pool of measured intrinsics");
     ar("sensors", sensors,
        "sensors of the pool. One is drawn for each sample among those with the aspect ratio of the "

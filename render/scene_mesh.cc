@@ -6,6 +6,8 @@
 namespace volalign {
 namespace {
 
+constexpr double kLeastAcross = 1e-12;  // m^2, twice the area: of thinner triangles, no ray is hit
+
 /// Two unit vectors that complete `axis` to a right-handed frame.
 void Complete(const Eigen::Vector3d& axis, Eigen::Vector3d* u, Eigen::Vector3d* v) {
   const Eigen::Vector3d helper =
@@ -36,6 +38,39 @@ void AppendRings(SceneMesh* mesh, const std::vector<Eigen::Vector3d>& centres,
            centres[ring + 1] + radii[ring + 1] * db, centres[ring + 1] + radii[ring + 1] * da},
           normal);
     }
+  }
+}
+
+const Side& SideAt(const Structure& structure, int index) {
+  return structure.sides()[static_cast<std::size_t>(index)];
+}
+
+/// Appends a rectangular side.
+void AppendSide(const Structure& structure, int index, SceneMesh* mesh) {
+  const Side& side = SideAt(structure, index);
+  const Eigen::Vector3d u = side.half_u * side.axis_u, v = side.half_v * side.axis_v;
+  mesh->AppendQuad(
+      {side.centre - u - v, side.centre + u - v, side.centre + u + v, side.centre - u + v},
+      side.normal, side.label);
+  mesh->faces.back().side = index;
+}
+
+/// Appends the triangles of a part. `first_side`: of its sides.
+void AppendMesh(const Structure& structure, const Box& part, int first_side, SceneMesh* mesh) {
+  std::vector<Eigen::Vector3d> vertices;
+  for (const Eigen::Vector3d& p : part.mesh->vertices())
+    vertices.emplace_back(part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p));
+  const auto& triangles = part.mesh->triangles();
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    const auto at = [&, t = triangles[i]](std::size_t k) {
+      return vertices[static_cast<std::size_t>(t[k])];
+    };
+    const Eigen::Vector3d across = (at(1) - at(0)).cross(at(2) - at(0));
+    if (across.norm() < kLeastAcross) continue;
+    const int side = first_side + part.mesh->FacetOf(static_cast<int>(i));
+    mesh->AppendQuad({at(0), at(1), at(2), at(2)}, across.normalized(),
+                     SideAt(structure, side).label);
+    mesh->faces.back().side = side;
   }
 }
 
@@ -118,12 +153,15 @@ void SceneMesh::AppendSphere(const Eigen::Vector3d& centre, double radius, int s
 }
 
 void SceneMesh::AppendStructure(const Structure& structure) {
-  for (const Side& side : structure.sides()) {
-    if (side.face == kFaces[0]) BeginObject({0.7F, 1.0F, true});
-    const Eigen::Vector3d u = side.half_u * side.axis_u;
-    const Eigen::Vector3d v = side.half_v * side.axis_v;
-    AppendQuad({side.centre - u - v, side.centre + u - v, side.centre + u + v, side.centre - u + v},
-               side.normal, side.label);
+  int side = 0;  // the part's first
+  for (const Box& part : structure.boxes()) {
+    BeginObject({0.7F, 1.0F, true});
+    if (part.mesh) {
+      AppendMesh(structure, part, side, this);
+    } else {
+      for (int i = 0; i < part.CountSides(); ++i) AppendSide(structure, side + i, this);
+    }
+    side += part.CountSides();
   }
 }
 

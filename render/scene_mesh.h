@@ -18,6 +18,7 @@ struct SceneFace {
   double offset = 0;                       ///< normal . p for every p of the plane, m
   std::uint8_t label = 0;
   std::int16_t object = 0;  ///< index into SceneMesh::objects
+  std::int32_t side = -1;   ///< index into Structure::sides(); -1: not of the structure
 };
 
 /// The properties of a physical object for a depth sensor.
@@ -50,7 +51,7 @@ struct SceneMesh {
   void AppendCapsule(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double radius,
                      int segments);
   void AppendSphere(const Eigen::Vector3d& centre, double radius, int segments);
-  /// All sides with their labels; `down` sides are solid background.
+  /// All sides with their labels; those without one are solid background. Each part is an object.
   void AppendStructure(const Structure& structure);
 };
 

@@ -41,8 +41,8 @@ Subpixels::Subpixels(const NoiseInput& input) : view_(input.view) {
       corners[i] = (sensor_from_structure * face.corners[i].cast<double>()).cast<float>();
     for (std::size_t i = 0; i < 4; ++i) {
       seen.beside[i] = corners[(i + 1) % 4].cross(corners[i]);
-      // For either sense of the corners: the middle is inside.
-      const Eigen::Vector3f middle = 0.5F * (corners[0] + corners[2]);
+      // For either sense of the corners: their mean is inside, even if two of them are equal.
+      const Eigen::Vector3f middle = 0.25F * (corners[0] + corners[1] + corners[2] + corners[3]);
       if (seen.beside[i].dot(middle) < 0) seen.beside[i] *= -1;
     }
     seen.corner = corners[0];
@@ -50,7 +50,9 @@ Subpixels::Subpixels(const NoiseInput& input) : view_(input.view) {
     seen.along_v = corners[3] - corners[0];
     seen.object = &input.mesh.objects[static_cast<std::size_t>(face.object)];
     seen.label = face.label;
-    if (seen.object->is_structure)
+    // Meshes are taken to be of stiffer material.
+    const bool is_triangle = face.corners[2] == face.corners[3];
+    if (seen.object->is_structure && !is_triangle)
       seen.bulge =
           static_cast<float>(RandomStream(Fingerprint(face), 0, "bulge").Normal(0, kBulge));
     faces_.push_back(seen);

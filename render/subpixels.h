@@ -36,8 +36,8 @@ class Subpixels {
   Eigen::Vector3f Ray(double x, double y) const;
   /// Index of the face that the ray meets; -1 if none. (u, v): the nearest pixel.
   int FaceAlong(const Eigen::Vector3f& ray, int u, int v) const;
-  /// Depth, m, where the ray meets the face. Faces of the structure bulge like those of cardboard
-  /// boxes, by half a sine along both edges, and equally for all sensors.
+  /// Depth, m, where the ray meets the face. Sides of the structure's boxes bulge like those of
+  /// cardboard, by half a sine along both edges, and equally for all sensors. Meshes do not.
   float Depth(int index, const Eigen::Vector3f& ray) const;
 
  private:

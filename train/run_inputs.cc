@@ -51,7 +51,9 @@ std::string KeptIntrinsics(const fs::path& dir) { return IfExists(dir / "intrins
 void KeepInputs(const fs::path& dir, const TrainConfig& config, const Structure& structure) {
   const TrainingDataConfig& data = config.data;
   if (KeptStructure(dir).empty()) {
-    if (IsFound(data.structure) && ReadStructure(data.structure).Hash() == structure.Hash()) {
+    // A mesh is no text, or in another file.
+    if (structure.IsOfBoxes() && IsFound(data.structure) &&
+        ReadStructure(data.structure).Hash() == structure.Hash()) {
       WriteFileAtomically(dir / "structure.yaml",
                           ReadFile(FindInputFile(data.structure), kMaxTextBytes));
     } else {

@@ -64,7 +64,7 @@ VOLALIGN_API const char* volalign_last_error(void);
  * directory are looked for. Call it before other threads use the library. */
 VOLALIGN_API volalign_code volalign_set_data_folder(const char* folder);
 
-/* Frames in memory. `structure` is the stack's file, .yaml. */
+/* Frames in memory. `structure` is the file of the stack, .yaml, or a mesh such as .glb. */
 VOLALIGN_API volalign_code volalign_capture_create(const char* structure,
                                                    volalign_capture** capture);
 /* capture.json and its depth files; `structure` may be NULL where it names one. */

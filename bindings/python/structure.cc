@@ -90,7 +90,7 @@ void AddIntrinsics(py::module_& module) {
 }
 
 void AddBoxes(py::module_& module) {
-  py::class_<Box>(module, "Box", "A solid box.")
+  py::class_<Box>(module, "Box", "A solid part: a box, or a mesh within such a box.")
       .def(py::init(&MakeBox), py::arg("name"), py::arg("low"), py::arg("high"),
            py::arg("yaw_deg") = 0.0,
            "low, high: (3,) corners, structure frame, m, y up. yaw_deg: turn about the vertical "
@@ -101,17 +101,25 @@ void AddBoxes(py::module_& module) {
           "(3,) float64: along its own axes, m.")
       .def_property_readonly(
           "structure_from_box", [](const Box& box) { return ArrayOf(box.structure_from_box); },
-          "(4, 4) float64: of its centre.");
+          "(4, 4) float64: of its centre.")
+      .def_property_readonly(
+          "is_mesh", [](const Box& box) { return box.mesh != nullptr; },
+          "Is it a mesh, which Structure.load read?")
+      .def("__repr__", [](const Box& box) {
+        return fmt::format("<{} {}: {:.3f} x {:.3f} x {:.3f} m>", box.mesh ? "Mesh part" : "Box",
+                           box.name, box.size.x(), box.size.y(), box.size.z());
+      });
 
   py::class_<Structure>(module, "Structure",
-                        "A stack of boxes whose sides have labels; metres, y up.")
+                        "A stack of boxes, or a mesh, whose sides have labels; metres, y up.")
       .def(py::init(&Structure::FromBoxes), py::arg("name"), py::arg("boxes"),
            py::arg("label_order") = std::vector<std::string>(),
            "label_order: names of the sides (\"BOX/front\") in the order of their labels 1, 2, "
            "...; none: box by box front, back, up, right, left. Raises DataError.")
       .def_static(
           "load", [](const Path& path) { return ReadStructure(PathOf(path)); }, py::arg("path"),
-          "Reads a .yaml of boxes. Raises IoError, ConfigError.")
+          "Reads a .yaml of boxes or meshes, or a mesh: .glb, .gltf, .obj, .stl, .ply. Raises "
+          "IoError, ConfigError.")
       .def(
           "save",
           [](const Structure& structure, const Path& path) {
@@ -123,7 +131,8 @@ void AddBoxes(py::module_& module) {
             }
           },
           py::arg("path"),
-          "Writes a .yaml, which load reads, or a .glb, which shows it. Raises IoError; "
+          "Writes a .yaml, which load reads, meshes included, or a .glb, which shows it. Raises "
+          "IoError; "
           "DataError for a .yaml where a box leans.")
       .def_property_readonly("name", &Structure::name)
       .def_property_readonly("boxes", &Structure::boxes)
@@ -159,8 +168,10 @@ void AddBoxes(py::module_& module) {
           "middle and these heights above the floor, m.")
       .def("__eq__", [](const Structure& a, const Structure& b) { return a.Hash() == b.Hash(); })
       .def("__repr__", [](const Structure& structure) {
-        return fmt::format("<Structure {}: {} boxes, {} labels>", structure.name(),
-                           structure.boxes().size(), structure.num_classes() - 1);
+        const std::size_t count = structure.boxes().size();
+        const char* word = structure.IsOfBoxes() ? "boxes" : count == 1 ? "part" : "parts";
+        return fmt::format("<Structure {}: {} {}, {} labels>", structure.name(), count, word,
+                           structure.num_classes() - 1);
       });
 }
 

@@ -80,12 +80,10 @@ void DrawPlan(const Structure& structure, double left, double top, Svg* svg) {
   }
   const double pixels = 0.36 * kPlanSize / reach;
   const double x = left + kPlanSize / 2, y = top + kPlanSize / 2;
-  for (const Box& box : structure.boxes()) {
-    std::vector<Svg::Point> points;
-    for (const Eigen::Vector3d& corner : TopOf(box))
-      points.push_back({x + pixels * corner.x(), y + pixels * corner.z()});
-    svg->Polygon(points, "class=\"box\"", box.name);
-  }
+  const auto place = [&](const Eigen::Vector3d& p) {
+    return Svg::Point{x + pixels * p.x(), y + pixels * p.z()};
+  };
+  for (const Box& part : structure.boxes()) DrawFromAbove(part, place, "box", svg);
   for (int deg = 0; deg < 360; deg += 45) {
     const auto at = [&, c = std::cos(deg * kDegree), s = std::sin(deg * kDegree)](double share) {
       return Svg::Point{x + share * kPlanSize * c, y + share * kPlanSize * s};

@@ -22,7 +22,8 @@ double Share(int count, std::size_t of) {
   return of > 0 ? static_cast<double>(count) / static_cast<double>(of) : 0;
 }
 
-std::string Symmetries(const TargetQuality& quality, std::size_t boxes) {
+std::string Symmetries(const Structure& structure, const TargetQuality& quality) {
+  const char* parts = structure.IsOfBoxes() ? "boxes" : "parts";
   std::string text;
   std::set<std::string> said;  // several motions may be described alike
   for (std::size_t k = 0; k < quality.symmetries.size(); ++k) {
@@ -38,9 +39,9 @@ std::string Symmetries(const TargetQuality& quality, std::size_t boxes) {
         "{}{}, {}the stack looks the same from {}{}.\n",
         static_cast<char>(std::toupper(static_cast<unsigned char>(symmetry.motion[0]))),
         symmetry.motion.substr(1),
-        symmetry.all
-            ? ""
-            : fmt::format("{} of its {} boxes lie where boxes lay, and ", symmetry.boxes, boxes),
+        symmetry.all ? ""
+                     : fmt::format("{} of its {} {} lie where {} lay, and ", symmetry.boxes,
+                                   structure.boxes().size(), parts, parts),
         share == 1 ? "every direction" : fmt::format("{:.0f} % of the directions", 100 * share),
         symmetry.floor_tells ? "; only the floor tells the two apart" : "");
   }
@@ -81,15 +82,19 @@ std::string Conclusion(const Structure& structure, const TargetQuality& quality)
   if (alike > 0) {
     text += fmt::format(
         "poor: from {:.0f} % of the places another pose looks the same, with or without the floor. "
-        "Sensors there will be ambiguous. Move or turn a box so that no turn of the stack looks "
-        "like another\n",
-        100 * Share(alike, all));
+        "Sensors there will be ambiguous. {}\n",
+        100 * Share(alike, all),
+        structure.IsOfBoxes()
+            ? "Move or turn a box so that no turn of the stack looks like another"
+            : "Take an object that looks like itself from one way only, or stand a box beside it");
   }
   if (Share(open, all) > kMostUnfixed) {
     text += fmt::format(
-        "poor: {:.0f} % of the views do not determine a pose. Let boxes stick out in both "
-        "horizontal directions, so that every view has sides of three orientations\n",
-        100 * Share(open, all));
+        "poor: {:.0f} % of the views do not determine a pose. {}\n", 100 * Share(open, all),
+        structure.IsOfBoxes()
+            ? "Let boxes stick out in both horizontal directions, so that every view has sides of "
+              "three orientations"
+            : "Take an object that shows flat sides of three orientations in every view");
   }
   if (text.empty())
     text = "good: every view fits one pose only, and nearly all views determine it\n";
@@ -136,12 +141,14 @@ Table TargetTable(const TargetQuality& quality) {
 std::string FormatTarget(const Structure& structure, const TargetQuality& quality) {
   const Eigen::Vector3d above(0, structure.FloorHeight(), 0);
   const std::size_t boxes = structure.boxes().size();
+  const char* one = structure.IsOfBoxes() ? "box" : "part";
+  const char* many = structure.IsOfBoxes() ? "boxes" : "parts";
   return fmt::format(
-             "{}: {} box{}, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
+             "{}: {} {}, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
              "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
-             structure.name(), boxes, boxes == 1 ? "" : "es", 1000 * structure.Height(),
+             structure.name(), boxes, boxes == 1 ? one : many, 1000 * structure.Height(),
              -1000 * above.y()) +
-         Symmetries(quality, boxes) + HeightTable(quality) + Conclusion(structure, quality);
+         Symmetries(structure, quality) + HeightTable(quality) + Conclusion(structure, quality);
 }
 
 }  // namespace volalign

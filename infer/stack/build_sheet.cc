@@ -10,6 +10,7 @@
 #include <optional>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/plot/svg.h"
 #include "infer/stack/build_steps.h"
 
@@ -464,6 +465,11 @@ void DrawSteps(const Structure& structure, const std::vector<BuildStep>& steps, 
 }  // namespace
 
 std::string BuildSheet(const Structure& structure) {
+  if (!structure.IsOfBoxes()) {
+    throw DataError(
+        fmt::format("{}: only a stack of boxes has a build sheet, and this structure is a mesh",
+                    structure.name()));
+  }
   const std::vector<BuildStep> steps = BuildSteps(structure);
   Svg svg(kWidth, kHeight,
           ".cell{fill:none;stroke:#bbb}.below{fill:none;stroke:#222;stroke-dasharray:5 3}"

@@ -421,6 +421,37 @@ class CommandLine(InAFolder):
         write("b, x: [0, 500], y: [400 700], z: [0, 300]")
         self.expect("structure show s.yaml", 1, "boxes[1].y = [400 700] has 1 values; 2 are expected, with commas between them (s.yaml:3)")
 
+    def test_a_mesh_as_the_structure(self):
+        # An L of 900 x 800 x 500 in millimetres, z up; its upper step is 350 wide.
+        corners = [(0, 0), (900, 0), (900, 300), (350, 300), (350, 800), (0, 800)]
+        lines = [f"v {x} {y} {z}" for y in (0, 500) for x, z in corners]
+        caps = [(1, 2, 4), (2, 3, 4), (1, 4, 6), (4, 5, 6)]
+        faces = [f"f {a} {b} {c}" for a, b, c in caps] + [f"f {a + 6} {c + 6} {b + 6}" for a, b, c in caps]
+        for i in range(1, 7):
+            j = i % 6 + 1
+            faces += [f"f {j} {i} {i + 6}", f"f {j} {i + 6} {j + 6}"]
+        self.write("ell.obj", "o ell\n" + "\n".join(lines + faces) + "\n")
+        self.expect("structure show ell.obj", 1, "error: ell.obj: it is 900 m long", "structure build ell.obj --mesh-scale 0.001 -o NAME.yaml")
+        said = "ell: 1 part, 7 labels and background, 800 mm high, sha256 "
+        self.expect("structure build ell.obj --mesh-scale 0.001 --mesh-up z -o ell.yaml", 0, said, "1 side without label", "written: ell.yaml")
+        os.remove(self.path("ell.obj"))
+        for command in ("show ell.yaml", "build ell.yaml -o ell.glb", "show ell.glb"):
+            self.expect("structure " + command, 0, said, "ell/7")
+        self.expect("structure check ell.glb -o target.svg", 0, "ell: 1 part, 800 mm high", "written: target.svg")
+        self.assertIn('<path class="box"', self.read("target.svg"))
+        self.expect("structure sheet ell.yaml -o sheet.svg", 1, "error: ell: only a stack of boxes has a build sheet")
+        self.expect("structure build ell.yaml --mesh-scale 0.001 -o x.yaml", 1, "--mesh-scale and --mesh-up are for a mesh")
+        self.expect("structure build ell.yaml -o x.png", 1, "x.png: the file to write ends in .glb or .yaml")
+        self.expect("render --rig configs/rig_ring4.yaml --set structure=ell.glb -o capture", 0)
+        self.expect("structure show capture/structure.yaml", 0, said)
+        status, output = self.run_line("volalign calibrate --capture capture/capture.json -o out")
+        self.assertIn(status, (0, 2), output)
+        self.assertIn("model: none, poses come from the structure's shape", output)
+        self.assertIn('"triangles"', self.read("out", "report.html"))
+        # The paper's boxes, drawn for glTF, are a mesh of four parts.
+        self.expect("structure build configs/structure.yaml -o stack.glb", 0)
+        self.expect("structure show stack.glb", 0, "stack: 4 parts, 20 labels and background, 1620 mm high")
+
     def test_bytes_that_are_not_utf8(self):
         for command in (r"train -o $'n\xff'", r"calibrate --capture $'\xff.json' -o x", r"calibrate --capture c.json -o x --note $'\xff'"):
             self.expect_error(command, r"\xff", "is not UTF-8", "rename")

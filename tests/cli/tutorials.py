@@ -52,7 +52,7 @@ NOT_RUN = [
 ]
 PROGRAMS = re.compile(r"(volalign|sed|python3|/usr/bin/python3|cmake|ninja|apt|apt-get|git|alias|taskset|torchrun|srun|pip|docker) |(\./|~/|build/|tests/|venv/|packaging/|\.ci/)\S")
 # That a test below runs.
-TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("add", "check", "deployment", "known-poses", "own-boxes", "own-rig", "sensor-models", "training", "world")]
+TESTED = ["README.md"] + [f"docs/{name}.md" for name in ("add", "check", "deployment", "known-poses", "meshes", "own-boxes", "own-rig", "sensor-models", "training", "world")]
 
 
 def all_pages():
@@ -265,6 +265,13 @@ class Tutorials(InAFolder):
             x, y, z = (row[3] for row in sensor["structure_from_sensor"][:3])
             expected = [row[0] * x + row[1] * y + row[2] * z + row[3] for row in base[:3]]
             self.assertLess(math.dist([row[3] for row in sensor["world_from_sensor"][:3]], expected), 0.03, name)
+
+    def test_meshes(self):
+        said, _, _, built = self.run_page("docs/meshes.md").values()
+        self.assertNotIn("looks the same", said)
+        self.expect_files("target.svg", "workbench.yaml")
+        self.expect_ok("out", 4)
+        self.run_command("volalign structure show cell.yaml")
 
     def test_deployment(self):
         self.run_page("docs/deployment.md")

@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/noise_fields.h"
+#include "core/base/statistics.h"
 #include "core/geometry/frame_errors.h"
 #include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
@@ -18,6 +19,7 @@
 #include "render/subpixels.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/render/noise_scenes.h"
 #include "tests/render/test_scene.h"
 
@@ -686,6 +688,46 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveMultipath) {
   }
   EXPECT_GT(on_front, 200);
   EXPECT_GT(on_floor, 200);
+}
+
+// The paper's stack as a mesh: light from its sides makes the same seams as from its boxes.
+TEST_F(NoiseTest, ConcaveCornersOfMeshesAreThoseOfBoxes) {
+  const Structure mesh = mesh_shapes::StructureOf(mesh_shapes::Stack());
+  const CornerScene boxes_scene(structure_, renderer_), mesh_scene(mesh, renderer_);
+  std::vector<double> off;
+  for (std::uint64_t i = 0; i < 4; ++i) {
+    const auto spoil = [&](const CornerScene& scene, const Structure& of) {
+      return ApplyNoise({}, {scene.view, scene.mesh, of, scene.k, scene.pose, kAzure}, 5, i).depth;
+    };
+    const DepthImage a = spoil(boxes_scene, structure_), b = spoil(mesh_scene, mesh);
+    for (std::size_t p = 0; p < a.size(); ++p) {
+      if (a[p] > 0 && b[p] > 0) off.push_back(std::abs(a[p] - b[p]));
+    }
+  }
+  EXPECT_GT(off.size(), 20000u);
+  EXPECT_LT(Quantile(off, 0.5), 1e-4);
+  EXPECT_LT(Quantile(off, 0.95), 2e-3);
+}
+
+TEST_F(NoiseTest, MeshesAreMeasuredByEveryModel) {
+  const Structure housing = mesh_shapes::StructureOf(mesh_shapes::Housing());
+  const CornerScene scene(housing, renderer_);
+  for (const char* sensor : {kAzure, kD415}) {
+    for (const char* model : {"sensor", "physics", "paper"}) {
+      NoiseConfig config;
+      config.models = {model};
+      NoisyView noisy =
+          ApplyNoise(config, {scene.view, scene.mesh, housing, scene.k, scene.pose, sensor}, 5, 0);
+      if (model == std::string("sensor"))
+        AddFrameErrors({scene.view, scene.mesh, housing, scene.k, scene.pose, sensor},
+                       {5, 0, "frame"}, &noisy);
+      std::vector<double> off;
+      for (std::size_t p = 0; p < noisy.depth.size(); ++p)
+        if (noisy.labels[p] > 0) off.push_back(std::abs(noisy.depth[p] - scene.view.depth[p]));
+      ASSERT_GT(off.size(), 1500u) << sensor << ' ' << model;
+      EXPECT_LT(Quantile(off, 0.5), 0.03) << sensor << ' ' << model;
+    }
+  }
 }
 
 }  // namespace

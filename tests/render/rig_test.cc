@@ -26,6 +26,7 @@
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::rig_test {
@@ -640,6 +641,39 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
       },
       {"placements[1]", "x_cm: 170", "sensor A"});
   ExpectBad("sensors: [{name: A}]\ndevice_errors: same\n", "persistent");
+}
+
+TEST_F(RigTest, TheCopyOfAMeshNeedsNoOtherFile) {
+  for (const char* ending : {"stl", "glb"}) {
+    const auto file = mesh_shapes::WriteShape(folder_, mesh_shapes::Chair(), ending);
+    folder_.Write("named.yaml", "meshes: [{file: " + file.filename().string() + "}]\n");
+    Rig rig = Parse(kTwo);
+    rig.structure = (folder_ / "named.yaml").string();
+    rig.assembly = {0, 0, 0};
+    const RigCapture capture = RenderOne(rig, renderer_);
+    const auto out = folder_ / ending;
+    WriteCapture(out, capture, "a renderer");
+    std::filesystem::remove(file);
+    const Structure copy = ReadStructure(out / "structure.yaml");
+    EXPECT_EQ(copy.Hash(), capture.structure.Hash());
+    EXPECT_EQ(copy.SideNames(), capture.structure.SideNames());
+    for (int label = 1; label < copy.num_classes(); ++label) {
+      EXPECT_LT(
+          (copy.SideOfLabel(label).centre - capture.structure.SideOfLabel(label).centre).norm(),
+          1e-6);
+    }
+    for (const CapturedSensor& sensor : capture.sensors) {
+      const ExpectedView view =
+          CastView(capture.structure, ComputeRays(sensor.intrinsics), sensor.structure_from_sensor);
+      int labelled = 0, same = 0;
+      for (std::size_t p = 0; p < view.labels.size(); ++p) {
+        labelled += view.labels[p] > 0;
+        same += view.labels[p] > 0 && view.labels[p] == sensor.labels_clean[p];
+      }
+      EXPECT_GT(labelled, 500);
+      EXPECT_GT(same, 0.8 * labelled);
+    }
+  }
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "core/geometry/structure.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/train/synthetic_source.h"
 #include "train/checkpoint_validation.h"
 #include "train/trainer.h"
@@ -63,6 +64,21 @@ TEST_F(RunInputs, OfSamplesFromElsewhereHaveTheirStructure) {
       Structure::FromBoxes("one", {Box::FromMinMax("box", {-0.2, -0.4, -0.2}, {0.2, 0, 0.2})});
   KeepInputs(run_, config_, one);
   EXPECT_EQ(ReadStructure(run_ / "structure.yaml").Hash(), one.Hash());
+}
+
+TEST_F(RunInputs, OfAMeshAreKeptWithoutItsFile) {
+  const fs::path mesh = mesh_shapes::WriteShape(folder_, mesh_shapes::Ell(), "stl");
+  for (const fs::path& file :
+       {mesh, folder_.Write("named.yaml", "meshes: [{file: ell.stl, scale: 0.5}]\n")}) {
+    fs::remove(run_ / "structure.yaml");
+    config_.data.structure = file.string();
+    Keep();
+    Require();
+    const Structure kept = ReadStructure(run_ / "structure.yaml");
+    EXPECT_EQ(kept.Hash(), Read().Hash());
+    EXPECT_EQ(kept.SideNames(), Read().SideNames());
+    EXPECT_TRUE(kept.boxes()[0].mesh);
+  }
 }
 
 TEST_F(RunInputs, OfOtherContentAreRefusedByName) {

@@ -39,10 +39,41 @@ Json Scale(Colour colour, double from, double to) {
   return stops;
 }
 
+/// To 0.1 mm.
+Json Rounded(const Eigen::Vector3d& p) { return ToJson((1e4 * p).array().round() / 1e4); }
+
+/// The corners of a part's triangles by side, structure frame.
+std::vector<Json> TriangleCorners(const Box& part) {
+  std::vector<Json> corners(part.mesh->facets().size(), Json::array());
+  const auto& triangles = part.mesh->triangles();
+  for (std::size_t i = 0; i < triangles.size(); ++i) {
+    Json& of = corners[static_cast<std::size_t>(part.mesh->FacetOf(static_cast<int>(i)))];
+    for (const int vertex : triangles[i]) {
+      const Eigen::Vector3d& p = part.mesh->vertices()[static_cast<std::size_t>(vertex)];
+      of.push_back(Rounded(part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p)));
+    }
+  }
+  return corners;
+}
+
+/// The ends of an outline's borders, structure frame.
+Json BorderEnds(const Side& side) {
+  Json ends = Json::array();
+  for (const Outline::Border& border : side.outline->borders) {
+    for (const Eigen::Vector2d& end : {border.from, border.to}) {
+      ends.push_back(Rounded(side.centre +
+                             side.outline_scale * (end.x() * side.axis_u + end.y() * side.axis_v)));
+    }
+  }
+  return ends;
+}
+
 Json Boxes(const Structure& structure) {
   Json boxes = Json::array();
   for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
     const Box& box = structure.boxes()[b];
+    std::vector<Json> corners;
+    if (box.mesh) corners = TriangleCorners(box);
     Json sides = Json::array();
     for (const Side& side : structure.sides()) {
       if (side.box != static_cast<int>(b)) continue;
@@ -51,6 +82,9 @@ Json Boxes(const Structure& structure) {
                        {"centre", ToJson(side.centre)},
                        {"u", ToJson(side.half_u * side.axis_u)},
                        {"v", ToJson(side.half_v * side.axis_v)}});
+      if (!box.mesh) continue;
+      sides.back()["triangles"] = std::move(corners[sides.size() - 1]);
+      sides.back()["borders"] = BorderEnds(side);
     }
     boxes.push_back({{"name", box.name},
                      {"size_m", ToJson(box.size)},

@@ -63,6 +63,14 @@ function paintCloud(report, part, mode, theme) {
   attribute.needsUpdate = true;
 }
 
+// A side's triangles, three points each, and its lines, two points each.
+function sideShape(side) {
+  if (side.triangles) return { triangles: side.triangles.map(vector), lines: side.borders.map(vector) };
+  const centre = vector(side.centre), u = vector(side.u), v = vector(side.v);
+  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => centre.clone().addScaledVector(u, a).addScaledVector(v, b));
+  return { triangles: [0, 1, 2, 0, 2, 3].map((i) => corners[i]), lines: [0, 1, 1, 2, 2, 3, 3, 0].map((i) => corners[i]) };
+}
+
 // The stack as found: translucent sides (paintStack colours them), and its edges.
 function structureParts(report, still, pose, first) {
   const group = new THREE.Group();
@@ -71,16 +79,14 @@ function structureParts(report, still, pose, first) {
   const faces = [];
   for (const box of still.boxes) {
     for (const side of box.sides) {
-      const centre = vector(side.centre), u = vector(side.u), v = vector(side.v);
-      const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => centre.clone().addScaledVector(u, a).addScaledVector(v, b));
-      const geometry = new THREE.BufferGeometry().setFromPoints([0, 1, 2, 0, 2, 3].map((i) => corners[i]));
+      const shape = sideShape(side), geometry = new THREE.BufferGeometry().setFromPoints(shape.triangles);
       const material = new THREE.MeshBasicMaterial({ transparent: true, opacity: first ? 0.3 : 0.12,
         depthWrite: false, side: THREE.DoubleSide });
       const face = new THREE.Mesh(geometry, material);
       face.userData.colour = colours.get(side.label) || "#808080";
       face.userData.tip = side.label > 0 ? `${side.name}, label ${side.label}` : `${side.name}, no label`;
       faces.push(face);
-      group.add(face, linesOf([0, 1, 1, 2, 2, 3, 3, 0].map((i) => corners[i]), "#777c82", first ? 0.9 : 0.4));
+      group.add(face, linesOf(shape.lines, "#777c82", first ? 0.9 : 0.4));
     }
   }
   return { object: group, faces };
@@ -147,7 +153,7 @@ function axesParts() {
 function floorParts(report, sensors, theme) {
   let lowest = Infinity, widest = 2;
   for (const box of report.stills[0].boxes) {
-    for (const side of box.sides) for (const s of [-1, 1]) for (const t of [-1, 1]) lowest = Math.min(lowest, side.centre[1] + s * side.u[1] + t * side.v[1]);
+    for (const side of box.sides) for (const point of sideShape(side).triangles) lowest = Math.min(lowest, point.y);
   }
   for (const sensor of sensors) widest = Math.max(widest, Math.abs(sensor.structure_from_sensor[0][3]), Math.abs(sensor.structure_from_sensor[2][3]));
   const cells = 2 * Math.ceil((widest + 0.5) / GRID_CELL);

@@ -12,8 +12,33 @@ def test_reads_writes_and_describes(tmp_path):
     structure.save(tmp_path / "structure.yaml")
     assert volalign.Structure.load(tmp_path / "structure.yaml") == structure
     structure.save(tmp_path / "structure.glb")
-    with pytest.raises(volalign.ConfigError, match="give the .yaml"):
-        volalign.Structure.load(tmp_path / "structure.glb")
+    # A picture of boxes is a mesh: its sides have other names.
+    mesh = volalign.Structure.load(tmp_path / "structure.glb")
+    assert repr(mesh) == "<Structure structure: 4 parts, 20 labels>"
+    assert mesh != structure
+
+
+def test_a_mesh(tmp_path):
+    # A wedge of 80 x 60 x 50 cm.
+    corners = [(x, y, z) for z in (0, 0.5) for x, y in ((0, 0), (0.8, 0), (0, 0.6))]
+    faces = [(1, 3, 2), (4, 5, 6), (1, 2, 5), (1, 5, 4), (2, 3, 6), (2, 6, 5), (3, 1, 4), (3, 4, 6)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
+    (tmp_path / "wedge.obj").write_text("o wedge\n" + "\n".join(lines) + "\n")
+    wedge = volalign.Structure.load(tmp_path / "wedge.obj")
+    (part,) = wedge.boxes
+    assert part.is_mesh and repr(part) == "<Mesh part wedge: 0.800 x 0.600 x 0.500 m>"
+    np.testing.assert_allclose(part.structure_from_box[:3, 3], [0.4, 0.3, 0.25])
+    assert len(wedge.side_names) == 4 and wedge.side_names[0] == "wedge/1"
+    assert repr(wedge) == "<Structure wedge: 1 part, 4 labels>"
+    camera = volalign.Intrinsics(64, 48, fx=60, fy=60, cx=31.5, cy=23.5)
+    depth, labels = wedge.cast_view(camera, volalign.look_at((2.3, 1.4, 0.25), (0.5, 0.2, 0.25)))
+    assert depth[24, 32] > 1 and wedge.side_names[labels[24, 32] - 1] == "wedge/1"
+    wedge.save(tmp_path / "wedge.yaml")
+    (tmp_path / "wedge.obj").unlink()
+    assert volalign.Structure.load(tmp_path / "wedge.yaml") == wedge
+    (tmp_path / "sheet.obj").write_text("\n".join(lines[:7]) + "\n")
+    with pytest.raises(volalign.ConfigError, match="the surface is open"):
+        volalign.Structure.load(tmp_path / "sheet.obj")
 
 
 def test_boxes(stack):

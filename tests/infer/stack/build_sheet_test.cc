@@ -17,6 +17,7 @@
 #include "infer/stack/suggest.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/core/geometry/mesh_shapes.h"
 
 namespace volalign::build_sheet_test {
 namespace {
@@ -305,6 +306,11 @@ TEST(SuggestStack, SaysWhyThereIsNone) {
   options.height_m = 3;
   EXPECT_THROW(SuggestStack("narrow", ParseBoxes("9x 400x100x100, 5x 300x300x300"), options),
                DataError);
+}
+
+TEST(BuildSheet, OfAMeshIsRefused) {
+  ExpectError<DataError>([] { BuildSheet(mesh_shapes::StructureOf(mesh_shapes::Ell())); },
+                         {"ell: only a stack of boxes has a build sheet"});
 }
 
 }  // namespace

@@ -22,6 +22,7 @@
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/render/both_renderers.h"
 #include "tests/render/test_scene.h"
 
@@ -379,6 +380,46 @@ TEST(EglContextTest, LeavesTheEnvironmentAlone) {
 TEST(EglContextTest, DescribesItsRenderer) {
   const EglContext egl;
   EXPECT_TRUE(Has(egl.Describe(), "OpenGL 4."));
+}
+
+TEST_P(DepthRendererTest, DrawsMeshesAsRaysMeetThem) {
+  const Intrinsics k{160, 144, 126, 126, 79.5, 71.5, {}};
+  const RayTable rays = ComputeRays(k);
+  RenderedView view;
+  int shapes = 0;
+  for (const mesh_shapes::Shape& shape : mesh_shapes::TenShapes()) {
+    const Structure structure = mesh_shapes::StructureOf(shape);
+    // As it is built: moved and scaled.
+    Pose offset = Pose::Identity();
+    offset.linear() = RotationExp({0, 0.1, 0});
+    const Structure built =
+        structure.DisplacedToDraw(std::vector<Pose>(structure.boxes().size(), offset), 1.02);
+    SceneMesh mesh;
+    mesh.AppendStructure(built);
+    EXPECT_EQ(mesh.objects.size(), built.boxes().size()) << shape.name;
+    const double phi = shapes++;
+    const Pose pose = LookAt({2.1 * std::cos(phi), 0.7, 2.1 * std::sin(phi)}, {0, 0, 0}, 0.3);
+    renderer_.Render(mesh, k, pose, &view);
+    const Image<Hit> truth = CastAll(built, pose, rays);
+    int inside = 0, labelled = 0, wrong_label = 0, wrong_side = 0;
+    double worst = 0;
+    for (int v = 1; v + 1 < k.height; ++v) {
+      for (int u = 1; u + 1 < k.width; ++u) {
+        const Hit& hit = truth(u, v);
+        if (IsBorder(truth, u, v)) continue;
+        inside += hit.side >= 0;
+        labelled += hit.label > 0;
+        wrong_label += view.labels(u, v) != hit.label;
+        worst = std::max(worst, std::abs(view.depth(u, v) - hit.depth));
+        if (view.faces(u, v) > 0) wrong_side += mesh.faces[view.faces(u, v) - 1U].side != hit.side;
+      }
+    }
+    EXPECT_GT(inside, 300) << shape.name;
+    EXPECT_GT(labelled, 200) << shape.name;
+    EXPECT_EQ(wrong_label, 0) << shape.name;
+    EXPECT_EQ(wrong_side, 0) << shape.name;
+    EXPECT_LT(worst, 1e-4) << shape.name;
+  }
 }
 
 }  // namespace

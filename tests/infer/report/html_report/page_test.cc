@@ -11,6 +11,7 @@
 #include "infer/report/html_report/payload.h"
 #include "infer/report/html_report/rig_views.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::page_test {
@@ -73,6 +74,34 @@ TEST(ReportPayload, HasTheStructureAsItIs) {
     EXPECT_GT(u2 * v2, 0);
   }
   EXPECT_EQ(payload["extrinsics"]["format"], "volalign.extrinsics/1");
+}
+
+TEST(ReportPayload, HasTheTrianglesOfMeshes) {
+  const Structure ell = mesh_shapes::StructureOf(mesh_shapes::Ell());
+  const nlohmann::ordered_json payload =
+      ReportPayload(Extrinsics(), {{"", ell, {}}}, {"", {}, "<svg/>", {}}, {"volalign x", ""});
+  const auto& sides = payload["stills"][0]["boxes"][0]["sides"];
+  ASSERT_EQ(sides.size(), ell.sides().size());
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    const Side& side = ell.sides()[i];
+    EXPECT_EQ(sides[i]["label"], side.label);
+    const auto at = [&](const char* key, std::size_t k) {
+      const auto& p = sides[i][key][k];
+      return Eigen::Vector3d(p[0].get<double>(), p[1].get<double>(), p[2].get<double>());
+    };
+    ASSERT_EQ(sides[i]["triangles"].size() % 3, 0u);
+    double area = 0;
+    for (std::size_t k = 0; k < sides[i]["triangles"].size(); k += 3) {
+      const Eigen::Vector3d a = at("triangles", k);
+      const Eigen::Vector3d across = (at("triangles", k + 1) - a).cross(at("triangles", k + 2) - a);
+      EXPECT_GT(across.dot(side.normal), 0);
+      area += across.norm() / 2;
+    }
+    EXPECT_NEAR(area, side.Area(), 1e-3);
+    ASSERT_EQ(sides[i]["borders"].size(), 2u * static_cast<std::size_t>(side.CountBorders()));
+    for (std::size_t k = 0; k < sides[i]["borders"].size(); ++k)
+      EXPECT_NEAR(side.Beyond(at("borders", k)), 0, 1e-3);
+  }
 }
 
 TEST(EncodeCloud, HoldsHalfMillimetresLittleEndian) {
