@@ -1,5 +1,6 @@
 #include "core/geometry/mesh_file.h"
 
+#include <assimp/DefaultIOSystem.h>
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 #include <fmt/format.h>
@@ -10,6 +11,7 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 #include <set>
+#include <system_error>
 #include <utility>
 
 #include "core/base/error.h"
@@ -50,6 +52,31 @@ std::string NameOf(const aiString& given, const std::string& otherwise,
   for (int i = 2; !taken->insert(unique).second; ++i) unique = fmt::format("{}_{}", name, i);
   return unique;
 }
+
+/// Opens the mesh itself, and buffers (.bin) beside it, which a .gltf names. Nothing else that a
+/// file names is opened.
+class OnlyBeside : public Assimp::DefaultIOSystem {
+ public:
+  explicit OnlyBeside(const std::filesystem::path& mesh) : mesh_(mesh.lexically_normal()) {}
+  bool Exists(const char* file) const override {
+    return IsAllowed(file) && DefaultIOSystem::Exists(file);
+  }
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    return IsAllowed(file) ? DefaultIOSystem::Open(file, mode) : nullptr;
+  }
+
+ private:
+  bool IsAllowed(const std::filesystem::path& file) const {
+    const std::filesystem::path path = file.lexically_normal();
+    if (path == mesh_) return true;
+    std::error_code error;
+    return path.parent_path() == mesh_.parent_path() && path.extension() == ".bin" &&
+           std::filesystem::is_regular_file(path, error) &&
+           std::filesystem::file_size(path, error) <= kMaxResultBytes;
+  }
+
+  std::filesystem::path mesh_;
+};
 
 class Reader {
  public:
@@ -113,9 +140,9 @@ bool IsMeshFile(const std::filesystem::path& path) {
 
 std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, MeshUp up) {
   const std::string ending = EndingOf(path);
-  // A .gltf names other files; Assimp opens them beside it.
-  ReadFile(path.string(), kMaxResultBytes);
+  ReadFile(path.string(), kMaxResultBytes);  // says what is wrong with it as a file
   Assimp::Importer importer;
+  importer.SetIOHandler(new OnlyBeside(path));  // which it owns
   importer.SetPropertyInteger(
       AI_CONFIG_PP_RVC_FLAGS,
       aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |

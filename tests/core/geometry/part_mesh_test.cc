@@ -174,6 +174,16 @@ TEST(MeshFile, UnitsAndAxes) {
   ExpectError<DataError>([&] { ReadMeshParts(folder.path() / "corner.yaml"); }, {"cannot be read"});
 }
 
+TEST(MeshFile, OpensNothingElseThatAFileNames) {
+  const TempFolder folder;
+  const auto [json, buffer] = Gltf(Ell(), "ell.bin");
+  folder.Write("ell.bin", buffer);
+  EXPECT_EQ(ReadMeshParts(folder.Write("ell.gltf", json)).size(), 1U);
+  std::filesystem::create_directory(folder.path() / "other");
+  const auto elsewhere = folder.Write("other/ell.gltf", Gltf(Ell(), "../ell.bin").first);
+  ExpectError<DataError>([&] { ReadMeshParts(elsewhere); }, {"cannot be read as a gltf mesh"});
+}
+
 TEST(MeshFile, EveryFormatHasTheSameSurface) {
   const TempFolder folder;
   for (const Shape& shape : TenShapes()) {
