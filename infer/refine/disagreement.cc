@@ -23,49 +23,34 @@ constexpr double kShownBy = 0.5;  // share of the largest contradiction
 /// Most by which noise models may understate variances. Four real Kinects: 2.8; simulated ones: 0.4
 /// to 1.4.
 constexpr double kMostVarianceFactor = 3;
-
-}  // namespace
-
-OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
-                               std::size_t frame) {
-  const FrameParameters parameters = solution.state.Parameters(frame);
-  std::vector<Eigen::Index> all(
-      static_cast<std::size_t>(FrameColumns::kBoxes + problem.model.size().parameters()));
-  std::iota(all.begin(), all.end(), 0);
-  Eigen::VectorXd r;
-  Eigen::MatrixXd over_blocks;
-  WhitenedResiduals(problem.model, solution.observed[frame], parameters, all, &r, &over_blocks);
-  const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
-  return {problem.layout.ColumnsOf(frame), {j.transpose() * j, j.transpose() * r}};
-}
-
-Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predicted,
-                        const QuadraticCost& priors, const std::vector<char>& constant) {
+/// See DisagreementOf. Nothing predicts the first `unpredicted` of the frame's parameters.
+Innovation InnovationOf(const OwnMeasurements& own, const NormalEquations& predicted,
+                        const QuadraticCost& priors, const std::vector<char>& constant,
+                        std::size_t unpredicted) {
   // The frame's parameters that others determine, too, among its columns and among all; its own
   // ones, among its columns, with their priors; and the others' own ones, among all.
   std::vector<Eigen::Index> shared, shared_columns, alone, others;
   NormalEquations with_priors = own.normal;
-  std::vector<char> is_free(constant.size());
-  for (std::size_t k = 0; k < constant.size(); ++k) is_free[k] = !constant[k];
+  std::vector<char> left_out = constant;  // of the others' own ones
   for (std::size_t k = 0; k < own.columns.size(); ++k) {
     const auto i = static_cast<Eigen::Index>(k);
     const Eigen::Index column = own.columns[k];
     if (constant[static_cast<std::size_t>(column)]) continue;
     const double precision = 1 / Square(priors.prior_sigmas[column]);
     // Known better than by its prior, up to rounding.
-    if (predicted.information(column, column) >
-        (1 + std::numeric_limits<float>::epsilon()) * precision) {
+    if (k >= unpredicted && predicted.information(column, column) >
+                                (1 + std::numeric_limits<float>::epsilon()) * precision) {
       shared.push_back(i);
       shared_columns.push_back(column);
-      is_free[static_cast<std::size_t>(column)] = 0;
+      left_out[static_cast<std::size_t>(column)] = 1;
     } else {
       alone.push_back(i);
       with_priors.information(i, i) += precision;
       with_priors.gradient[i] += precision * priors.values[column];
     }
   }
-  for (std::size_t k = 0; k < is_free.size(); ++k) {
-    if (is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
+  for (std::size_t k = 0; k < left_out.size(); ++k) {
+    if (!left_out[k]) others.push_back(static_cast<Eigen::Index>(k));
   }
   if (shared.empty()) return {};
   const std::optional<NormalEquations> said = Marginal(with_priors, shared, alone),
@@ -88,18 +73,38 @@ Disagreement Innovation(const OwnMeasurements& own, const NormalEquations& predi
   Eigen::MatrixXd covariance = by * factor->solve(Eigen::MatrixXd(by.transpose()));
   covariance.diagonal().array() += 1;
   const double cost = 0.5 * innovation.dot(covariance.ldlt().solve(innovation));
-  return std::isfinite(cost) ? Disagreement{cost, static_cast<std::size_t>(count)} : Disagreement();
+  return std::isfinite(cost) ? Innovation{cost, static_cast<std::size_t>(count)} : Innovation();
 }
 
-double UnlikelyCost(std::size_t predicted) {
-  constexpr double kNormal = 3.0902;  // of a standard normal variable, in one of a thousand
-  const double spread = 2 / (9 * static_cast<double>(predicted));
-  return 0.5 * static_cast<double>(predicted) *
-         std::pow(1 - spread + kNormal * std::sqrt(spread), 3);
+}  // namespace
+
+OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solution,
+                               std::size_t frame) {
+  const FrameParameters parameters = solution.state.Parameters(frame);
+  std::vector<Eigen::Index> all(
+      static_cast<std::size_t>(FrameColumns::kBoxes + problem.model.size().parameters()));
+  std::iota(all.begin(), all.end(), 0);
+  Eigen::VectorXd r;
+  Eigen::MatrixXd over_blocks;
+  WhitenedResiduals(problem.model, solution.observed[frame], parameters, all, &r, &over_blocks);
+  const Eigen::MatrixXd j = FrameColumns::InTangentSpace(over_blocks, parameters.pose);
+  return {problem.layout.ColumnsOf(frame), {j.transpose() * j, j.transpose() * r}};
 }
 
-bool Disagrees(const Disagreement& disagreement) {
-  return disagreement.predicted > 0 && disagreement.cost > UnlikelyCost(disagreement.predicted);
+bool Innovation::IsUnlikely(double freedom) const {
+  if (predicted == 0) return false;
+  const double n = static_cast<double>(predicted), root = std::cbrt(2 * cost / n);
+  const double spread = 2 / (9 * n), of_noise = 2 / (9 * freedom);
+  return root * (1 - of_noise) - (1 - spread) >
+         kClearly * std::hypot(root * std::sqrt(of_noise), std::sqrt(spread));
+}
+
+Disagreement DisagreementOf(const OwnMeasurements& own, const NormalEquations& predicted,
+                            const QuadraticCost& priors, const std::vector<char>& constant) {
+  const auto all = InnovationOf(own, predicted, priors, constant, 0);
+  const auto of_build = InnovationOf(own, predicted, priors, constant, 6);
+  if (of_build.predicted >= all.predicted) return {all, {}};
+  return {all, {all.cost - of_build.cost, all.predicted - of_build.predicted}};
 }
 
 namespace {
@@ -127,7 +132,7 @@ struct CostByFrame {
     if (!own[frame]) return {};
     NormalEquations others = all.normal;
     Add(*own[frame], -1, &others);
-    return Innovation(*own[frame], others, all, constant);
+    return DisagreementOf(*own[frame], others, all, constant);
   }
   /// A frame's, predicted by another one.
   Disagreement Of(std::size_t frame, std::size_t by) const {
@@ -135,7 +140,7 @@ struct CostByFrame {
     const Eigen::VectorXd precisions = all.prior_sigmas.cwiseAbs2().cwiseInverse();
     NormalEquations other{precisions.asDiagonal(), precisions.cwiseProduct(all.values)};
     Add(*own[by], 1, &other);
-    return Innovation(*own[frame], other, all, constant);
+    return DisagreementOf(*own[frame], other, all, constant);
   }
   static void Add(const OwnMeasurements& own, double times, NormalEquations* normal) {
     normal->information(own.columns, own.columns) += times * own.normal.information;
@@ -157,7 +162,10 @@ void ScaleByVarianceFactor(std::vector<Disagreement>* measured) {
   }
   if (factors.empty()) return;
   const double factor = std::clamp(Quantile(std::move(factors), 0.5), 1.0, kMostVarianceFactor);
-  for (Disagreement& of : *measured) of.cost /= factor;
+  for (Disagreement& of : *measured) {
+    of.cost /= factor;
+    of.of_pose.cost /= factor;
+  }
 }
 
 /// The frames of the same capture that a frame contradicts most, or at least half as much.
@@ -176,6 +184,18 @@ std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame
   return contradicted;
 }
 
+/// Does a frame disagree, or is it unusual and its sensor has another frame?
+bool IsOdd(const JointProblem& problem, const Agreed& agreed, std::size_t frame) {
+  bool has_another = false;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    has_another = has_another || (i != frame && !agreed.solution.held[i] &&
+                                  problem.frame_of[i].sensor == problem.frame_of[frame].sensor);
+  }
+  const Disagreement& measured = agreed.measured[frame];
+  return measured.Disagrees() ||
+         (has_another && measured.IsUnlikely(std::numeric_limits<double>::infinity()));
+}
+
 /// The frame to exclude, if `worst` disagrees most. A sensor that has moved disagrees in all its
 /// frames. With three or more of them, the frame that begins farthest from the others is excluded.
 std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
@@ -191,7 +211,7 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   if (frames.size() < 3) return worst;
   double farthest = 0;
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    if (!Disagrees(agreed.measured[frames[k]])) continue;
+    if (!IsOdd(problem, agreed, frames[k])) continue;
     double sum = 0;
     for (const Eigen::Vector3d& other : places) sum += (other - places[k]).norm();
     if (sum <= farthest) continue;
@@ -266,15 +286,12 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     ParallelFor(problem.size(), problem.setup.schedule.threads,
                 [&](std::size_t i) { measured[i] = cost.Of(i); });
     ScaleByVarianceFactor(&measured);
-    for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (!agreed.solution.held[i]) agreed.measured[i] = measured[i];
-    }
     std::optional<std::size_t> worst;
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (agreed.solution.held[i] || settled[i] ||
-          !problem.frames[i].excluded.value_or(Disagrees(agreed.measured[i])))
-        continue;
-      if (!worst || agreed.measured[i].cost > agreed.measured[*worst].cost) worst = i;
+      if (agreed.solution.held[i]) continue;
+      agreed.measured[i] = measured[i];
+      if (settled[i] || !problem.frames[i].excluded.value_or(IsOdd(problem, agreed, i))) continue;
+      if (!worst || measured[i].cost > measured[*worst].cost) worst = i;
     }
     if (!worst) break;
     if (!problem.frames[*worst].excluded) {
@@ -295,7 +312,9 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     const Eigen::Index column = problem.layout.Pose(*worst);
     agreed.of[*worst] =
         ExcludedFrame{agreed.solution.state.poses[*worst].ToPose(),
-                      FindContradicted(problem, cost, *worst), std::move(alone->state),
+                      agreed.measured[*worst].Disagrees() ? FindContradicted(problem, cost, *worst)
+                                                          : std::vector<int>(),
+                      std::move(alone->state),
                       ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
                           .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);

@@ -5,6 +5,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -27,14 +28,13 @@ constexpr int kBox = 2;           // the one that stands elsewhere
 
 constexpr char kWithoutLens[] = "boxes,size,depth_gain,depth_offset";
 
-TEST(Disagrees, IsUnlikelyByChance) {
-  // Of half a chi-square with 13 degrees of freedom, 0.1 % lie above 17.26 (tables: 34.528).
-  EXPECT_NEAR(UnlikelyCost(13), 17.26, 0.15);
-  EXPECT_NEAR(UnlikelyCost(4), 18.467 / 2, 0.15);
-  EXPECT_TRUE(Disagrees({18, 13}));
-  EXPECT_FALSE(Disagrees({18, 61})) << "of so many numbers, as much is to be expected";
-  EXPECT_FALSE(Disagrees({16, 13})) << "by chance";
-  EXPECT_FALSE(Disagrees({45, 0})) << "nothing is predicted";
+TEST(Innovation, IsUnlikelyByChance) {
+  // Of an F distribution with 13 and 15 degrees of freedom, 0.135 % lie above 5.40.
+  EXPECT_TRUE((Innovation{1.03 * 5.40 * 13 / 2, 13}.IsUnlikely()));
+  EXPECT_FALSE((Innovation{0.98 * 5.40 * 13 / 2, 13}.IsUnlikely())) << "by chance";
+  EXPECT_FALSE((Innovation{1.03 * 5.40 * 13 / 2, 61}.IsUnlikely()))
+      << "of so many numbers, as much is to be expected";
+  EXPECT_FALSE((Innovation{450, 0}.IsUnlikely())) << "nothing is predicted";
 }
 
 /// Sensors that see the stack as it is described, and before them one that saw a box elsewhere.
@@ -84,6 +84,9 @@ struct OddOne {
   }
   /// Of the first sensor, as `by` predict it.
   Disagreement InnovationBy(const std::vector<std::size_t>& by) const {
+    return InnovationFrom(PredictedBy(by));
+  }
+  NormalEquations PredictedBy(const std::vector<std::size_t>& by) const {
     const QuadraticCost all = CostAround(*problem, solution);
     const Eigen::VectorXd precisions = all.prior_sigmas.cwiseAbs2().cwiseInverse();
     NormalEquations predicted{precisions.asDiagonal(), precisions.cwiseProduct(all.values)};
@@ -92,8 +95,11 @@ struct OddOne {
       predicted.information(own.columns, own.columns) += own.normal.information;
       predicted.gradient(own.columns) += own.normal.gradient;
     }
-    return Innovation(MeasurementsOf(*problem, solution, 0), predicted, all,
-                      problem->layout.Constant(asked_for));
+    return predicted;
+  }
+  Disagreement InnovationFrom(const NormalEquations& predicted) const {
+    return DisagreementOf(MeasurementsOf(*problem, solution, 0), predicted,
+                          CostAround(*problem, solution), problem->layout.Constant(asked_for));
   }
 
   /// Half the least sum of squares, in standard deviations, of what some sensors measured and of
@@ -133,7 +139,7 @@ struct OddOne {
 
 // The least sum of squares of all, less that of those that predict, is that of the sensor's numbers
 // from their prediction, and what of its own residuals no parameter explains.
-TEST(Innovation, IsWhatTheSensorAddsToTheOthersLeastSquares) {
+TEST(Disagreement, IsWhatTheSensorAddsToTheOthersLeastSquares) {
   const OddOne scene(0.012);
   for (const std::vector<std::size_t>& by : std::vector<std::vector<std::size_t>>{{1}, {1, 2}}) {
     std::vector<std::size_t> all = by;
@@ -143,17 +149,34 @@ TEST(Innovation, IsWhatTheSensorAddsToTheOthersLeastSquares) {
     const Disagreement disagreement = scene.InnovationBy(by);
     EXPECT_NEAR(disagreement.cost, expected, 0.05 * expected) << by.size();
     EXPECT_GT(disagreement.predicted, 3u);
-    EXPECT_TRUE(Disagrees(disagreement));
+    EXPECT_TRUE(disagreement.Disagrees());
   }
   EXPECT_LT(OddOne(0).InnovationBy({1, 2}).cost, 0.1);
 }
 
-TEST(Innovation, OfABoxThatIsHeldIsNone) {
+TEST(Disagreement, OfABoxThatIsHeldIsNone) {
   OddOne scene(0.012);
   const double free = scene.InnovationBy({1, 2}).cost;
   scene.asked_for.boxes = scene.asked_for.size = false;
   const Disagreement held = scene.InnovationBy({1, 2});
   EXPECT_LT(held.cost, 0.5 * free) << "the pose is open, and nothing else is predicted";
+}
+
+TEST(Disagreement, ShowsAMovementInThePartOfThePose) {
+  const OddOne scene(0);
+  NormalEquations predicted = scene.PredictedBy({1, 2});
+  EXPECT_EQ(scene.InnovationFrom(predicted).of_pose.predicted, 0u);
+  constexpr double kPredicted = 0.001;  // m and rad
+  for (const bool moved : {false, true}) {
+    NormalEquations of_all = predicted;
+    of_all.information.topLeftCorner<6, 6>() += Matrix6d::Identity() / (kPredicted * kPredicted);
+    if (moved) of_all.gradient[0] -= 0.027 / (kPredicted * kPredicted);
+    const Disagreement disagreement = scene.InnovationFrom(of_all);
+    EXPECT_EQ(disagreement.of_pose.predicted, 6u);
+    EXPECT_EQ(disagreement.of_pose.IsUnlikely(), moved) << disagreement.of_pose.cost;
+    EXPECT_FALSE(disagreement.IsUnlikely()) << "of all numbers: " << disagreement.cost;
+    EXPECT_EQ(disagreement.Disagrees(), moved);
+  }
 }
 
 TEST(ExcludeDisagreeing, NamesThoseThatShowIt) {
@@ -166,7 +189,7 @@ TEST(ExcludeDisagreeing, NamesThoseThatShowIt) {
   EXPECT_FALSE(agreed.of[1] || agreed.of[2]);
   ASSERT_FALSE(agreed.of[0]->contradicts.empty());
   EXPECT_EQ(agreed.of[0]->contradicts.front(), 1) << "the other side of the stack tells less";
-  EXPECT_TRUE(Disagrees(agreed.measured[0]));
+  EXPECT_TRUE(agreed.measured[0].Disagrees());
   EXPECT_LT(agreed.measured[1].cost, 1) << "in the solution without the odd one";
 }
 
@@ -178,6 +201,38 @@ TEST(ExcludeDisagreeing, NoneWhereAllAreFartherOffThanTheirNoiseModel) {
       face.p *= 1 + random.Normal(0, 2.2 * kSigma) / face.p.norm();
   }
   EXPECT_EQ(scene.Excluded(), std::vector<bool>(5, false));
+}
+
+// An unusual frame does not disagree. If its sensor has another frame, which places the sensor
+// better, it is left out in silence.
+TEST(ExcludeDisagreeing, AFrameFartherOffThanItsNoiseModelOnlyIfItsSensorHasAnother) {
+  for (const bool has_another : {false, true}) {
+    OddOne scene(0, {}, {35, 70, 180, 250, 310});
+    for (std::size_t i = 0; i < 5; ++i) scene.frames[i].sensor = static_cast<int>(i);
+    if (has_another) {
+      scene.frames[4].sensor = 1;
+      scene.frames[4].capture = 1;
+    }
+    scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
+                                                   std::vector<SensorLens>(), 2);
+    const Pose elsewhere = scene.poses[1] * scene.poses[4].inverse();
+    scene.solution.state = NominalState(scene.structure, scene.poses, scene.problem->lenses,
+                                        scene.problem->frame_of, {Pose::Identity(), elsewhere});
+    RandomStream random(3, 0, "noise");
+    for (std::size_t i = 0; i < 5; ++i) {
+      for (FaceObservation& face : scene.solution.observed[i].faces)
+        face.p *= 1 + random.Normal(0, (i == 1 ? 3 : 1) * kSigma) / face.p.norm();
+    }
+    const Agreed agreed = scene.Exclude();
+    const Innovation& of_all = agreed.measured[1];
+    EXPECT_TRUE(of_all.IsUnlikely(std::numeric_limits<double>::infinity()))
+        << of_all.cost << ", " << of_all.predicted;
+    EXPECT_FALSE(agreed.measured[1].Disagrees()) << of_all.cost << ", " << of_all.predicted;
+    EXPECT_EQ(agreed.of[1].has_value(), has_another);
+    if (agreed.of[1]) {
+      EXPECT_TRUE(agreed.of[1]->contradicts.empty());
+    }
+  }
 }
 
 TEST(ExcludeDisagreeing, AsksWhetherItWasOneStackAlsoWhereBoxesAreHeld) {
@@ -245,7 +300,7 @@ TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   EXPECT_TRUE(excluded[1]);
 }
 
-TEST(Innovation, IsNoneWhereNumbersFail) {
+TEST(Disagreement, IsNoneWhereNumbersFail) {
   OddOne scene(0.012);
   FrameObservations& observed = scene.solution.observed[0];
   const auto n = static_cast<Eigen::Index>(observed.faces.size());
