@@ -214,7 +214,7 @@ class Tutorials(InAFolder):
         self.assertIn("nothing moved", printed["volalign check --extrinsics out/extrinsics.json --capture my_rig.json"])
         self.expect_ok("out", 6)
         self.expect_files("trajectory.json", "unity.json", "out/report.html", "out/clouds/merged.ply", "out/rig.glb", "plan.svg")
-        self.assertGreater(len(self.extrinsics("studio/out")["placements"]), 2)
+        self.assertGreater(len(self.json("studio/out", "extrinsics.json")["placements"]), 2)
         with open(os.path.join(self.folder, "recordings.json"), encoding="utf-8") as file:
             for sensor in json.load(file)["sensors"]:
                 self.assertEqual((sensor["sensor"], sensor["depth_scale"]), ("orbbec_femto_bolt", 0.001))
