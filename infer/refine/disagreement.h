@@ -51,11 +51,11 @@ Disagreement DisagreementOf(const OwnMeasurements& own, const NormalEquations& p
 
 /// The result for an excluded frame.
 struct ExcludedFrame {
-  Pose together;  ///< its pose in the joint solution with it
-  /// The frames that show it, the clearest first; none if the frame does not disagree.
-  std::vector<int> contradicts;
-  State alone;          ///< what its own measurements and the priors make most probable
-  Matrix6d covariance;  ///< of its pose in that
+  Pose together;                 ///< its pose in the joint solution with it
+  bool disagrees = true;         ///< false: unusual, and its sensor has another frame
+  std::vector<int> contradicts;  ///< the frames that show it, the clearest first
+  State alone;                   ///< what its own measurements and the priors make most probable
+  Matrix6d covariance;           ///< of its pose in that
 };
 struct Agreed {
   Solution solution;                             ///< of the frames that agree

@@ -230,7 +230,7 @@ TEST(ExcludeDisagreeing, AFrameFartherOffThanItsNoiseModelOnlyIfItsSensorHasAnot
     EXPECT_FALSE(agreed.measured[1].Disagrees()) << of_all.cost << ", " << of_all.predicted;
     EXPECT_EQ(agreed.of[1].has_value(), has_another);
     if (agreed.of[1]) {
-      EXPECT_TRUE(agreed.of[1]->contradicts.empty());
+      EXPECT_FALSE(agreed.of[1]->disagrees);
     }
   }
 }
