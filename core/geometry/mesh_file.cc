@@ -10,6 +10,10 @@
 #include <array>
 #include <assimp/Importer.hpp>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -17,6 +21,7 @@
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/number.h"
 #include "core/base/shown_path.h"
 #include "core/base/text.h"
 
@@ -42,15 +47,76 @@ Eigen::Matrix3d UpwardsFrom(MeshUp up) {
   return turn;
 }
 
-/// A part's name: plain, without '/', and not that of a part before.
+/// A part's name: plain, without '/', and not that of a part before. Assimp calls an object of an
+/// OBJ without a name "defaultobject".
 std::string NameOf(const aiString& given, const std::string& otherwise,
                    std::set<std::string>* taken) {
   std::string name(given.C_Str());
   std::replace(name.begin(), name.end(), '/', '_');
-  if (name.empty() || !IsPlainName(name)) name = otherwise;
+  if (name.empty() || name == "defaultobject" || !IsPlainName(name)) name = otherwise;
   std::string unique = name;
   for (int i = 2; !taken->insert(unique).second; ++i) unique = fmt::format("{}_{}", name, i);
   return unique;
+}
+
+/// The document of a .gltf or .glb.
+std::string GltfDocument(const std::string& bytes) {
+  constexpr std::size_t kHeader = 20;  // of the file and of its first chunk
+  if (bytes.compare(0, 4, "glTF") != 0) return bytes;
+  if (bytes.size() < kHeader) throw DataError("it is cut off");
+  std::uint32_t size = 0;
+  std::memcpy(&size, bytes.data() + 12, sizeof size);
+  return bytes.substr(kHeader, size);
+}
+
+/// Throws DataError for a document whose nodes Assimp would visit more often or deeper than is
+/// safe.
+void RequireShallow(const std::string& document) {
+  constexpr int kDeepest = 64;
+  int depth = 0;
+  bool in_text = false;
+  for (std::size_t i = 0; i < document.size(); ++i) {
+    const char c = document[i];
+    if (in_text && c == '\\') ++i;
+    if (c == '"') in_text = !in_text;
+    if (in_text) continue;
+    if (c == '[' || c == '{') ++depth;
+    if (c == ']' || c == '}') --depth;
+    if (depth > kDeepest)
+      throw DataError(fmt::format("it is nested deeper than {} levels", kDeepest));
+  }
+  const auto json = nlohmann::json::parse(document, nullptr, false);
+  if (!json.is_object() || !json.contains("nodes") || !json["nodes"].is_array()) return;
+  const auto& nodes = json["nodes"];
+  std::vector<int> parent(nodes.size(), -1);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (!nodes[i].is_object() || !nodes[i].contains("children")) continue;
+    for (const auto& child : nodes[i]["children"]) {
+      if (!child.is_number_unsigned() || child.get<std::size_t>() >= nodes.size() ||
+          std::exchange(parent[child.get<std::size_t>()], static_cast<int>(i)) >= 0)
+        throw DataError("a node is the child of two nodes, or of none that there is");
+    }
+  }
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    int levels = 0;
+    for (int at = static_cast<int>(i); at >= 0; at = parent[static_cast<std::size_t>(at)])
+      if (++levels > kDeepest)
+        throw DataError(fmt::format("its nodes are nested deeper than {} levels", kDeepest));
+  }
+}
+
+/// Throws DataError for a .ply whose header promises more than the file can have.
+void RequirePromised(const std::string& bytes) {
+  for (std::size_t at = bytes.find("element "); at != std::string::npos && at < 4096;
+       at = bytes.find("element ", at + 1)) {
+    const std::size_t number = bytes.find(' ', at + 8);
+    const auto count =
+        number == std::string::npos
+            ? std::nullopt
+            : NumberOf(bytes.substr(number + 1, bytes.find_first_of("\r\n", number) - number - 1));
+    if (count && *count > static_cast<double>(bytes.size()))
+      throw DataError("it is cut off: its header promises more than it has");
+  }
 }
 
 /// Opens the mesh itself, and buffers (.bin) beside it, which a .gltf names. Nothing else that a
@@ -140,7 +206,10 @@ bool IsMeshFile(const std::filesystem::path& path) {
 
 std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, MeshUp up) {
   const std::string ending = EndingOf(path);
-  ReadFile(path.string(), kMaxResultBytes);  // says what is wrong with it as a file
+  if (!IsMeshFile(path)) throw DataError("a mesh is a .glb, .gltf, .obj, .stl or .ply file");
+  const std::string bytes = ReadFile(path.string(), kMaxResultBytes);
+  if (ending == ".gltf" || ending == ".glb") RequireShallow(GltfDocument(bytes));
+  if (ending == ".ply") RequirePromised(bytes);
   Assimp::Importer importer;
   importer.SetIOHandler(new OnlyBeside(path));  // which it owns
   importer.SetPropertyInteger(
@@ -152,8 +221,8 @@ std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, 
       importer.ReadFile(path.string(), aiProcess_Triangulate | aiProcess_RemoveComponent |
                                            aiProcess_ValidateDataStructure);
   if (!scene || !scene->mRootNode) {
-    throw DataError(fmt::format("it cannot be read as a {} mesh: {}", ending.substr(1),
-                                Shortened(importer.GetErrorString())));
+    throw DataError(
+        fmt::format("it cannot be read as {}: {}", ending, Shortened(importer.GetErrorString())));
   }
   if (up == MeshUp::kFormat) up = ending == ".stl" || ending == ".ply" ? MeshUp::kZ : MeshUp::kY;
   std::vector<Box> parts = Reader(*scene, scale * UpwardsFrom(up), path.stem().string()).Take();
@@ -164,8 +233,8 @@ std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, 
   const double size = bounds.sizes().maxCoeff();
   if (size < kSmallest || size > kLargest) {
     throw DataError(fmt::format(
-        "it is {:g} m long. Check the unit: `volalign structure build {} --mesh-scale 0.001 -o "
-        "NAME.yaml` reads millimetres",
+        "it is {:g} m long, and has to be from 5 cm to 50 m. Check the unit: `volalign structure "
+        "build {} --mesh-scale 0.001 -o NAME.yaml` reads millimetres",
         size, ShownPath(path)));
   }
   return parts;

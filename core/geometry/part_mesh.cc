@@ -19,8 +19,8 @@ namespace volalign {
 
 namespace {
 
-constexpr double kWeld = 1e-5;         // m
-constexpr double kLeastVolume = 1e-6;  // m^3
+constexpr double kWeld = 1e-5;      // m
+constexpr double kThinnest = 1e-6;  // m: the volume divided by the surface
 
 using Triangle = PartMesh::Triangle;
 
@@ -57,31 +57,85 @@ void Weld(std::vector<Eigen::Vector3d>* vertices, std::vector<Triangle>* triangl
     if (welded[0] != welded[1] && welded[1] != welded[2] && welded[2] != welded[0])
       whole.push_back(welded);
   }
-  *triangles = std::move(whole);
+  // What is there twice counts once.
+  std::set<Triangle> known;
+  triangles->clear();
+  for (const Triangle& triangle : whole) {
+    Triangle turned = triangle;
+    std::rotate(turned.begin(), std::min_element(turned.begin(), turned.end()), turned.end());
+    if (known.insert(turned).second) triangles->push_back(triangle);
+  }
 }
 
-/// Six times the volume. Throws DataError for a surface that is not closed.
-double RequireClosed(const std::vector<Eigen::Vector3d>& vertices,
-                     const std::vector<Triangle>& triangles) {
+double SixVolumes(const std::vector<Eigen::Vector3d>& vertices, const Triangle& t) {
+  const auto at = [&](std::size_t k) { return vertices[static_cast<std::size_t>(t[k])]; };
+  return at(0).dot(at(1).cross(at(2)));
+}
+
+/// Turns solids that are inside out. A surface that encloses a cavity is no solid: it lies within
+/// the box around another one.
+void TurnOutwards(const std::vector<Eigen::Vector3d>& vertices, std::vector<Triangle>* triangles) {
+  std::vector<int> shell_of(vertices.size());  // the least vertex that is joined with it
+  std::iota(shell_of.begin(), shell_of.end(), 0);
+  const auto root = [&](int i) {
+    while (shell_of[static_cast<std::size_t>(i)] != i)
+      i = shell_of[static_cast<std::size_t>(i)] =
+          shell_of[static_cast<std::size_t>(shell_of[static_cast<std::size_t>(i)])];
+    return i;
+  };
+  for (const Triangle& t : *triangles) {
+    const int a = root(t[0]), b = root(t[1]), c = root(t[2]), least = std::min({a, b, c});
+    for (const int i : {a, b, c}) shell_of[static_cast<std::size_t>(i)] = least;
+  }
+  struct Shell {
+    double volume = 0;
+    Eigen::AlignedBox3d bounds;
+  };
+  std::map<int, Shell> shells;
+  for (const Triangle& t : *triangles) {
+    Shell& shell = shells[root(t[0])];
+    shell.volume += SixVolumes(vertices, t);
+    for (const int i : t) shell.bounds.extend(vertices[static_cast<std::size_t>(i)]);
+  }
+  std::set<int> inside_out;
+  for (const auto& [index, shell] : shells) {
+    const Eigen::AlignedBox3d bounds = shell.bounds;
+    const bool is_cavity =
+        std::any_of(shells.begin(), shells.end(), [&, own = index](const auto& other) {
+          return other.first != own && other.second.volume > 0 &&
+                 other.second.bounds.contains(bounds);
+        });
+    if (shell.volume < 0 && !is_cavity) inside_out.insert(index);
+  }
+  for (Triangle& t : *triangles)
+    if (inside_out.count(root(t[0])) > 0) std::swap(t[1], t[2]);
+}
+
+/// Throws DataError for a surface that is not closed, or has no volume.
+void RequireClosed(const std::vector<Eigen::Vector3d>& vertices,
+                   const std::vector<Triangle>& triangles) {
   std::map<std::pair<int, int>, int> edges;  // its triangles one way less those the other way
-  double volume = 0;
+  double volume = 0, area = 0;
   for (const Triangle& t : triangles) {
     for (std::size_t k = 0; k < 3; ++k) {
       const int a = t[k], b = t[(k + 1) % 3];
       edges[std::minmax(a, b)] += a < b ? 1 : -1;
     }
     const auto at = [&](std::size_t k) { return vertices[static_cast<std::size_t>(t[k])]; };
-    volume += at(0).dot(at(1).cross(at(2)));
+    volume += SixVolumes(vertices, t) / 6;
+    area += (at(1) - at(0)).cross(at(2) - at(0)).norm() / 2;
   }
   const auto open =
       std::count_if(edges.begin(), edges.end(), [](const auto& edge) { return edge.second != 0; });
   if (open > 0) {
     throw DataError(fmt::format(
-        "the surface is open, or its triangles face different ways: {} of {} edges have no second "
-        "triangle. Close the surface, and let all normals point outwards",
+        "the surface is open, its triangles face different ways, or their corners do not meet: {} "
+        "of {} edges have no second triangle. Close the surface, and let all normals point "
+        "outwards",
         open, edges.size()));
   }
-  return volume;
+  if (std::abs(volume) <= kThinnest * area)
+    throw DataError("the surface encloses no volume: a sheet is no target");
 }
 
 RTCDevice Device() {
@@ -246,11 +300,8 @@ std::shared_ptr<const PartMesh> PartMesh::Make(std::vector<Eigen::Vector3d> vert
   }
   Weld(&vertices, &triangles);
   if (triangles.empty()) throw DataError("the mesh has no triangles");
-  const double volume = RequireClosed(vertices, triangles);
-  if (std::abs(volume) < 6 * kLeastVolume)
-    throw DataError("the surface encloses no volume: a sheet is no target");
-  if (volume < 0)
-    for (Triangle& triangle : triangles) std::swap(triangle[1], triangle[2]);
+  RequireClosed(vertices, triangles);
+  TurnOutwards(vertices, &triangles);
   std::shared_ptr<PartMesh> mesh(new PartMesh);
   Eigen::AlignedBox3d bounds;
   for (const Triangle& triangle : triangles)

@@ -109,7 +109,7 @@ class Stack {
             .eigenvalues();
     if (along[0] > kLeastSpread) return;
     Add(true,
-        fmt::format("the {} flat sides of the mesh face in fewer than three directions, so they "
+        fmt::format("the flat sides of the mesh ({}) face in fewer than three directions, so they "
                     "do not fix a pose: take an object with more flat sides",
                     sides));
   }
@@ -154,7 +154,7 @@ class Stack {
   void FindStanding(const Box& box) {
     const Eigen::AlignedBox3d around = Around(box);
     const double bottom = around.min().y();
-    if (box.mesh || bottom - floor_ <= kStackTolerance) return;
+    if (!structure_.IsOfBoxes() || bottom - floor_ <= kStackTolerance) return;
     Eigen::AlignedBox3d support;  // as seen from above
     bool stands = false, carries = false;
     for (const Box& other : boxes_) {

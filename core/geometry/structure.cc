@@ -344,7 +344,7 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
           fmt::format("two boxes are named '{}'; names have to be unique", Shortened(box.name)));
     }
     const Eigen::Vector3d mm = box.size * 1e3;
-    if (!mm.allFinite() || mm.minCoeff() < kShortestEdge * 1e3 ||
+    if (!mm.allFinite() || (!box.mesh && mm.minCoeff() < kShortestEdge * 1e3) ||
         mm.maxCoeff() > kLongestEdge * 1e3) {
       throw DataError(fmt::format(
           "box '{}' is {:g} x {:g} x {:g} mm; every edge has to be from {:g} mm to {:g} m: sizes "
@@ -523,7 +523,7 @@ struct StructureFile {
     std::vector<int> triangles;
     template <class Archive>
     void Describe(Archive& ar) {
-      ar("name", name, "of the part; of a file, its nodes' names");
+      ar("name", name, "of the part; of several parts, before the names of their nodes");
       ar("file", file, "glTF, OBJ, STL or PLY, relative to this file");
       ar("scale", scale, "metres per unit of the file", Above(0));
       ar("up", up, "the axis of the file that points up");
@@ -589,11 +589,17 @@ Box BoxOf(const StructureFile::BoxEntry& entry, const ConfigSource& source,
 void AppendMesh(const StructureFile::MeshEntry& entry, const std::filesystem::path& beside,
                 std::vector<Box>* boxes) {
   if (!entry.file.empty()) {
+    if (!entry.vertices.empty() || !entry.triangles.empty())
+      throw DataError(fmt::format("mesh '{}' has both a file and vertices", Shortened(entry.file)));
     std::filesystem::path file = beside / entry.file;
     if (!std::filesystem::exists(file)) file = FindInputFile(entry.file);
     try {
-      for (Box& part : ReadMeshParts(file, entry.scale, entry.up))
+      std::vector<Box> parts = ReadMeshParts(file, entry.scale, entry.up);
+      for (Box& part : parts) {
+        if (!entry.name.empty())
+          part.name = parts.size() == 1 ? entry.name : entry.name + "_" + part.name;
         boxes->push_back(std::move(part));
+      }
     } catch (const DataError& e) {
       throw DataError(fmt::format("{}: {}", ShownPath(file), e.what()));
     }

@@ -144,6 +144,18 @@ TEST(PartMesh, SaysWhatIsNoTarget) {
   Solid open = Box3(0.5, 0.3, 0.4);
   open.triangles.pop_back();
   ExpectError<DataError>([&] { Of(open); }, {"the surface is open", "3 of 18 edges"});
+  const Solid cuboid = Box3(0.5, 0.3, 0.4);
+  Solid twice = Joined("twice", {cuboid, cuboid});
+  EXPECT_EQ(Of(twice).sides().size(), 6U) << "once";
+  Solid reversed = Cuboid({1, 0, 0}, {1.5, 0.9, 0.5});
+  for (PartMesh::Triangle& t : reversed.triangles) std::swap(t[0], t[1]);
+  const Structure both = Of(Joined("both", {cuboid, reversed}));
+  EXPECT_TRUE(both.Contains({0, 0.1, 0}) && both.Contains({1.2, 0.1, 0.1})) << "turned";
+  Solid cavity = Cuboid({-0.2, 0.05, -0.15}, {0.2, 0.25, 0.15});
+  for (PartMesh::Triangle& t : cavity.triangles) std::swap(t[0], t[1]);
+  const Structure hollow = Of(Joined("hollow", {cuboid, cavity}));
+  EXPECT_FALSE(hollow.Contains({0, 0.1, 0}));
+  EXPECT_TRUE(hollow.Contains({0, 0.02, 0}));
   Solid sheet = Box3(0.5, 0.3, 0.4);
   for (Vector3d& p : sheet.vertices) p.y() = 0;
   ExpectError<DataError>([&] { Of(sheet); }, {"encloses no volume"});
@@ -171,7 +183,8 @@ TEST(MeshFile, UnitsAndAxes) {
   const Structure read = ReadStructure(folder.path() / "corner.yaml");
   EXPECT_EQ(read.num_classes(), 8);
   EXPECT_LT((read.SideOfLabel(1).Middle() - Vector3d(0.25, 0.4, 0.25)).norm(), 1e-6);
-  ExpectError<DataError>([&] { ReadMeshParts(folder.path() / "corner.yaml"); }, {"cannot be read"});
+  ExpectError<DataError>([&] { ReadMeshParts(folder.path() / "corner.yaml"); },
+                         {"a mesh is a .glb"});
 }
 
 TEST(MeshFile, OpensNothingElseThatAFileNames) {
@@ -181,7 +194,25 @@ TEST(MeshFile, OpensNothingElseThatAFileNames) {
   EXPECT_EQ(ReadMeshParts(folder.Write("ell.gltf", json)).size(), 1U);
   std::filesystem::create_directory(folder.path() / "other");
   const auto elsewhere = folder.Write("other/ell.gltf", Gltf(Ell(), "../ell.bin").first);
-  ExpectError<DataError>([&] { ReadMeshParts(elsewhere); }, {"cannot be read as a gltf mesh"});
+  ExpectError<DataError>([&] { ReadMeshParts(elsewhere); }, {"cannot be read as .gltf"});
+}
+
+TEST(MeshFile, RefusesWhatWouldTakeTheMachine) {
+  const TempFolder folder;
+  const auto refuses = [&](const std::string& name, const std::string& bytes, const char* why) {
+    ExpectError<DataError>([&] { ReadMeshParts(folder.Write(name, bytes)); }, {why});
+  };
+  refuses("deep.gltf", R"({"nodes":)" + std::string(100000, '['), "nested deeper than 64");
+  std::string chain, graph;
+  for (int i = 0; i < 100; ++i) {
+    chain += fmt::format(R"({{"children":[{}]}},)", i + 1);
+    graph += fmt::format(R"({{"children":[{0},{0}]}},)", i + 1);
+  }
+  refuses("chain.gltf", R"({"nodes":[)" + chain + "{}]}", "nested deeper than 64");
+  refuses("graph.gltf", R"({"nodes":[)" + graph + "{}]}", "the child of two nodes");
+  refuses("ring.gltf", R"({"nodes":[{"children":[0]}]})", "nested deeper than 64");
+  refuses("lies.ply", "ply\nformat ascii 1.0\nelement vertex 800000000\nend_header\n", "cut off");
+  refuses("passwd", "root", "a mesh is a .glb");
 }
 
 TEST(MeshFile, EveryFormatHasTheSameSurface) {
