@@ -203,11 +203,12 @@ double MeanSquare(const CalibrationResult& result, const std::string& sensor = "
   return count > 0 ? sum / count : 0;
 }
 
-/// Number of doubts: pairs that are apart, and sensors that disagree or have suspect intrinsics.
+/// Number of doubts: pairs that are apart, depths with errors that their kinds do not have, and
+/// sensors that disagree or have suspect intrinsics.
 std::size_t CountDoubts(const CalibrationResult& result) {
   std::size_t doubts = 0;
   for (const RigFinding& finding : result.findings)
-    doubts += finding.code == RigCode::kPairApart ? 1 : 0;
+    doubts += finding.code == RigCode::kPairApart || finding.code == RigCode::kDepthOff ? 1 : 0;
   for (const FrameResult& sensor : result.sensors) {
     for (const SensorCode code :
          {SensorCode::kIntrinsicsSuspect, SensorCode::kLensSuspect, SensorCode::kDisagrees})
