@@ -98,15 +98,4 @@ SegmentationResult RestoreSegmentation(const DepthImage& depth, const DepthImage
   return result;
 }
 
-Image<float> RestoreMap(const Image<float>& small, int width, int height,
-                        const NetworkFrame& frame) {
-  Image<float> map(width, height);
-  for (int v = 0; v < height; ++v) {
-    const int from_v = NetworkPixel(v, frame.scale, frame.height);
-    for (int u = 0; u < width; ++u)
-      map(u, v) = small(NetworkPixel(u, frame.scale, frame.width), from_v);
-  }
-  return map;
-}
-
 }  // namespace volalign

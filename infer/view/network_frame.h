@@ -32,9 +32,4 @@ SegmentationResult RestoreSegmentation(const DepthImage& depth, const DepthImage
                                        const Image<float>& small_confidence,
                                        const NetworkFrame& frame);
 
-/// Brings a map of the network's frame back to the frame's size by nearest neighbour. For maps that
-/// have nothing to do with depth.
-Image<float> RestoreMap(const Image<float>& small, int width, int height,
-                        const NetworkFrame& frame);
-
 }  // namespace volalign
