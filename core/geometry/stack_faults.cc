@@ -82,7 +82,8 @@ class Stack {
 
   std::vector<StackFault> Faults() {
     FindDirections();
-    for (const Box& box : boxes_) FindUnits(box);
+    for (const Box& box : boxes_)
+      if (!box.mesh) FindUnits(box);
     for (std::size_t b = 0; b < boxes_.size(); ++b) {
       const bool shares = FindShared(b);
       if (!shares) FindStanding(boxes_[b]);
