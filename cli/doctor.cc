@@ -126,9 +126,7 @@ void CheckData(const std::string& model_path, Findings* findings) {
   }
   try {
     const Structure structure = ReadStructure(FindInputFile("configs/structure.yaml"));
-    findings->Say("structure",
-                  fmt::format("{}, {} box{}", structure.name(), structure.boxes().size(),
-                              structure.boxes().size() == 1 ? "" : "es"));
+    findings->Say("structure", fmt::format("{}, {}", structure.name(), structure.CountedParts()));
   } catch (const Error& error) {
     findings->Miss("structure", error.what());
   }

@@ -9,11 +9,8 @@
 #include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/formats/structure_gltf.h"
-#include "core/geometry/mesh_file.h"
-#include "core/geometry/stack_faults.h"
 #ifdef VOLALIGN_HAS_INFER
 #include "infer/plan/target_report.h"
 #include "infer/stack/build_sheet.h"
@@ -44,13 +41,6 @@ Table SidesTable(const Structure& structure) {
   return table;
 }
 
-std::string Parts(const Structure& structure) {
-  const std::size_t count = structure.boxes().size();
-  const char* one = structure.IsOfBoxes() ? "box" : "part";
-  const char* many = structure.IsOfBoxes() ? "boxes" : "parts";
-  return fmt::format("{} {}", count, count == 1 ? one : many);
-}
-
 /// For meshes, the surface that has no label.
 std::string WithoutLabel(const Structure& structure) {
   if (structure.IsOfBoxes()) return "";
@@ -73,43 +63,18 @@ void PrintStructure(const Structure& structure, const TableOutput& output) {
   WarnOf(structure);
   const Table table = SidesTable(structure);
   output.Print(fmt::format("{}: {}, {} labels and background, {:.0f} mm high, sha256 {}\n{}{}",
-                           structure.name(), Parts(structure), structure.num_classes() - 1,
+                           structure.name(), structure.CountedParts(), structure.num_classes() - 1,
                            structure.Height() * 1e3, structure.Hash().substr(0, 16),
                            WithoutLabel(structure), FormatTable(table, TableFormat::kText)),
                table);
 }
 
-/// How a mesh is read.
-struct MeshOptions {
-  double scale = 1;
-  std::string up = ToString(MeshUp::kFormat);
-};
-
-Structure ReadToBuild(const std::string& file, const MeshOptions& options) {
-  MeshUp up = MeshUp::kFormat;
-  FromWord(options.up, &up);
-  if (options.scale == 1 && up == MeshUp::kFormat) return ReadStructure(file);
-  if (!IsMeshFile(file)) {
-    throw ConfigError(fmt::format(
-        "{}: --mesh-scale and --mesh-up are for a mesh; a YAML has millimetres, y up", file));
-  }
-  try {
-    Structure structure =
-        Structure::FromBoxes(std::filesystem::path(file).stem().string(),
-                             ReadMeshParts(FindInputFile(file), options.scale, up));
-    RequireStack(structure);
-    return structure;
-  } catch (const DataError& error) {
-    throw ConfigError(fmt::format("{}: {}", file, error.what()));
-  }
-}
-
-void Build(const std::string& file, const MeshOptions& options, const std::string& output,
+void Build(const std::string& file, const MeshUnits& units, const std::string& output,
            const TableOutput& table) {
   const std::string ending = std::filesystem::path(output).extension().string();
   if (ending != ".glb" && ending != ".yaml")
     throw ConfigError(output + ": the file to write ends in .glb or .yaml");
-  const Structure structure = ReadToBuild(file, options);
+  const Structure structure = ReadStructure(file, units);
   if (ending == ".glb") {
     WriteStructureGlb(output, structure);
   } else {
@@ -165,8 +130,8 @@ void Suggest(const std::string& boxes, const std::string& file, const SuggestOpt
 
 Command AddStructureCommand(CLI::App& program) {
   struct Options {
-    std::string boxes, output, show, check, picture;
-    MeshOptions mesh;
+    std::string boxes, output, show, check, picture, up = ToString(MeshUp::kFormat);
+    MeshUnits units;
     TableOutput table;
 #ifdef VOLALIGN_HAS_INFER
     std::string build, sheet, owned, suggested;
@@ -191,12 +156,12 @@ Command AddStructureCommand(CLI::App& program) {
                    "picture of the stack to write, glTF (.glb), or the structure itself (.yaml)")
       ->required();
   build
-      ->add_option("--mesh-scale", options->mesh.scale,
+      ->add_option("--mesh-scale", options->units.scale,
                    "metres per unit of a mesh: 0.001 for millimetres")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   build
-      ->add_option("--mesh-up", options->mesh.up,
+      ->add_option("--mesh-up", options->up,
                    "the axis of a mesh that points up; format: y in glTF and OBJ, z in STL and PLY")
       ->check(CLI::IsMember(WordsOfAll<MeshUp>()))
       ->capture_default_str();
@@ -265,7 +230,8 @@ Command AddStructureCommand(CLI::App& program) {
             }
 #endif
             if (*build) {
-              Build(options->boxes, options->mesh, options->output, options->table);
+              FromWord(options->up, &options->units.up);
+              Build(options->boxes, options->units, options->output, options->table);
             } else {
               PrintStructure(ReadStructure(options->show), options->table);
             }

@@ -128,19 +128,15 @@ Seams SeamsOf(const NoiseInput& input) {
   const bool present = std::any_of(input.mesh.objects.begin(), input.mesh.objects.end(),
                                    [](const SceneObject& o) { return o.is_structure; });
   if (!present) return seams;
-  std::vector<bool> takes(sides.size(), true);
-  std::size_t first = 0;  // of the part's sides
-  for (const Box& box : input.structure.boxes()) {
-    if (!box.mesh) {
-      seams.boxes.push_back({box.structure_from_box.linear().transpose().cast<float>(),
-                             box.structure_from_box.translation().cast<float>(),
-                             (0.5 * box.size).cast<float>(), Eigen::Vector3f::Zero()});
-    }
-    for (std::size_t i = 0; box.mesh && i < box.mesh->facets().size(); ++i) {
-      takes[first + i] = box.mesh->facets()[i].flat;
-      if (takes[first + i]) seams.boxes.push_back(SeamBoxOf(sides[first + i]));
-    }
-    first += static_cast<std::size_t>(box.CountSides());
+  std::vector<bool> takes;
+  for (const Side& side : sides) {
+    const Box& box = input.structure.boxes()[static_cast<std::size_t>(side.box)];
+    takes.push_back(!box.mesh || box.mesh->facets()[static_cast<std::size_t>(side.index)].flat);
+    if (box.mesh && takes.back()) seams.boxes.push_back(SeamBoxOf(side));
+    if (box.mesh || side.index > 0) continue;
+    seams.boxes.push_back({box.structure_from_box.linear().transpose().cast<float>(),
+                           box.structure_from_box.translation().cast<float>(),
+                           (0.5 * box.size).cast<float>(), Eigen::Vector3f::Zero()});
   }
   for (std::size_t i = 0; i < sides.size(); ++i) {
     const SeamBox taker = SeamBoxOf(sides[i]);

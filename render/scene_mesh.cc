@@ -41,39 +41,6 @@ void AppendRings(SceneMesh* mesh, const std::vector<Eigen::Vector3d>& centres,
   }
 }
 
-const Side& SideAt(const Structure& structure, int index) {
-  return structure.sides()[static_cast<std::size_t>(index)];
-}
-
-/// Appends a rectangular side.
-void AppendSide(const Structure& structure, int index, SceneMesh* mesh) {
-  const Side& side = SideAt(structure, index);
-  const Eigen::Vector3d u = side.half_u * side.axis_u, v = side.half_v * side.axis_v;
-  mesh->AppendQuad(
-      {side.centre - u - v, side.centre + u - v, side.centre + u + v, side.centre - u + v},
-      side.normal, side.label);
-  mesh->faces.back().side = index;
-}
-
-/// Appends the triangles of a part. `first_side`: of its sides.
-void AppendMesh(const Structure& structure, const Box& part, int first_side, SceneMesh* mesh) {
-  std::vector<Eigen::Vector3d> vertices;
-  for (const Eigen::Vector3d& p : part.mesh->vertices())
-    vertices.emplace_back(part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p));
-  const auto& triangles = part.mesh->triangles();
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    const auto at = [&, t = triangles[i]](std::size_t k) {
-      return vertices[static_cast<std::size_t>(t[k])];
-    };
-    const Eigen::Vector3d across = (at(1) - at(0)).cross(at(2) - at(0));
-    if (across.norm() < kLeastAcross) continue;
-    const int side = first_side + part.mesh->FacetOf(static_cast<int>(i));
-    mesh->AppendQuad({at(0), at(1), at(2), at(2)}, across.normalized(),
-                     SideAt(structure, side).label);
-    mesh->faces.back().side = side;
-  }
-}
-
 }  // namespace
 
 void SceneMesh::BeginObject(const SceneObject& object) { objects.push_back(object); }
@@ -153,15 +120,28 @@ void SceneMesh::AppendSphere(const Eigen::Vector3d& centre, double radius, int s
 }
 
 void SceneMesh::AppendStructure(const Structure& structure) {
-  int side = 0;  // the part's first
-  for (const Box& part : structure.boxes()) {
-    BeginObject({0.7F, 1.0F, true});
-    if (part.mesh) {
-      AppendMesh(structure, part, side, this);
-    } else {
-      for (int i = 0; i < part.CountSides(); ++i) AppendSide(structure, side + i, this);
+  std::vector<std::vector<std::array<Eigen::Vector3d, 3>>> triangles;  // of a mesh, by side
+  for (std::size_t i = 0; i < structure.sides().size(); ++i) {
+    const Side& side = structure.sides()[i];
+    const Box& part = structure.boxes()[static_cast<std::size_t>(side.box)];
+    if (side.index == 0) {
+      BeginObject({0.7F, 1.0F, true});
+      if (part.mesh) triangles = part.TrianglesBySide();
     }
-    side += part.CountSides();
+    const std::size_t first = faces.size();
+    if (part.mesh) {
+      for (const auto& [a, b, c] : triangles[static_cast<std::size_t>(side.index)]) {
+        const Eigen::Vector3d across = (b - a).cross(c - a);
+        if (across.norm() >= kLeastAcross)
+          AppendQuad({a, b, c, c}, across.normalized(), side.label);
+      }
+    } else {
+      const Eigen::Vector3d u = side.half_u * side.axis_u, v = side.half_v * side.axis_v;
+      AppendQuad(
+          {side.centre - u - v, side.centre + u - v, side.centre + u + v, side.centre - u + v},
+          side.normal, side.label);
+    }
+    for (std::size_t k = first; k < faces.size(); ++k) faces[k].side = static_cast<int>(i);
   }
 }
 

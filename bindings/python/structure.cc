@@ -168,10 +168,8 @@ void AddBoxes(py::module_& module) {
           "middle and these heights above the floor, m.")
       .def("__eq__", [](const Structure& a, const Structure& b) { return a.Hash() == b.Hash(); })
       .def("__repr__", [](const Structure& structure) {
-        const std::size_t count = structure.boxes().size();
-        const char* word = structure.IsOfBoxes() ? "boxes" : count == 1 ? "part" : "parts";
-        return fmt::format("<Structure {}: {} {}, {} labels>", structure.name(), count, word,
-                           structure.num_classes() - 1);
+        return fmt::format("<Structure {}: {}, {} labels>", structure.name(),
+                           structure.CountedParts(), structure.num_classes() - 1);
       });
 }
 

@@ -42,32 +42,19 @@ int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int target
   return static_cast<int>(model->accessors.size()) - 1;
 }
 
-/// What a side covers, as triangles in the structure frame, anticlockwise from outside. `index`:
-/// among the part's sides.
-std::vector<std::array<Eigen::Vector3d, 3>> TrianglesOf(const Box& part, int index) {
-  std::vector<std::array<Eigen::Vector3d, 3>> triangles;
-  const auto& all = part.mesh->triangles();
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (part.mesh->FacetOf(static_cast<int>(i)) != index) continue;
-    auto& triangle = triangles.emplace_back();
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Eigen::Vector3d& p = part.mesh->vertices()[static_cast<std::size_t>(all[i][k])];
-      triangle[k] = part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p);
-    }
-  }
-  return triangles;
-}
-
 void Append(const Eigen::Vector3d& v, std::vector<float>* numbers) {
   for (const double x : v) numbers->push_back(static_cast<float>(x));
 }
 
-/// A side without material and extras. `index`: among the box's sides.
-tinygltf::Primitive MakeShape(tinygltf::Model* model, const Box& box, const Side& side, int index) {
+using Triangles = std::vector<std::array<Eigen::Vector3d, 3>>;
+
+/// A side without material and extras. `triangles`: of a mesh's side.
+tinygltf::Primitive MakeShape(tinygltf::Model* model, const Box& box, const Side& side,
+                              const Triangles& triangles) {
   const Pose box_from_structure = box.structure_from_box.inverse();
   std::vector<float> positions, normals;
   if (box.mesh) {
-    for (const auto& triangle : TrianglesOf(box, index)) {
+    for (const auto& triangle : triangles) {
       const Eigen::Vector3d across = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
       const Eigen::Vector3d normal = across.norm() > 0 ? across.normalized() : side.normal;
       for (const Eigen::Vector3d& corner : triangle) {
@@ -92,8 +79,8 @@ tinygltf::Primitive MakeShape(tinygltf::Model* model, const Box& box, const Side
 }
 
 tinygltf::Primitive MakePrimitive(tinygltf::Model* model, const Box& box, const Side& side,
-                                  int index) {
-  tinygltf::Primitive primitive = MakeShape(model, box, side, index);
+                                  const Triangles& triangles) {
+  tinygltf::Primitive primitive = MakeShape(model, box, side, triangles);
   tinygltf::Value::Object extras;
   extras["side"] = tinygltf::Value(side.name.substr(box.name.size() + 1));
   extras["label"] = tinygltf::Value(static_cast<int>(side.label));
@@ -181,10 +168,12 @@ std::vector<int> AddBoxes(tinygltf::Model* model, const Structure& structure) {
     const Box& box = structure.boxes()[b];
     tinygltf::Mesh mesh;
     mesh.name = box.name;
-    int index = 0;
+    const std::vector<Triangles> triangles =
+        box.mesh ? box.TrianglesBySide() : std::vector<Triangles>(kFaces.size());
     for (const Side& side : structure.sides()) {
       if (side.box == static_cast<int>(b))
-        mesh.primitives.push_back(MakePrimitive(model, box, side, index++));
+        mesh.primitives.push_back(
+            MakePrimitive(model, box, side, triangles[static_cast<std::size_t>(side.index)]));
     }
     tinygltf::Node node;
     node.name = box.name;

@@ -204,7 +204,7 @@ bool IsMeshFile(const std::filesystem::path& path) {
   return std::find(kEndings.begin(), kEndings.end(), EndingOf(path)) != kEndings.end();
 }
 
-std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, MeshUp up) {
+std::vector<Box> ReadMeshParts(const std::filesystem::path& path, const MeshUnits& units) {
   const std::string ending = EndingOf(path);
   if (!IsMeshFile(path)) throw DataError("a mesh is a .glb, .gltf, .obj, .stl or .ply file");
   const std::string bytes = ReadFile(path.string(), kMaxResultBytes);
@@ -224,8 +224,10 @@ std::vector<Box> ReadMeshParts(const std::filesystem::path& path, double scale, 
     throw DataError(
         fmt::format("it cannot be read as {}: {}", ending, Shortened(importer.GetErrorString())));
   }
+  MeshUp up = units.up;
   if (up == MeshUp::kFormat) up = ending == ".stl" || ending == ".ply" ? MeshUp::kZ : MeshUp::kY;
-  std::vector<Box> parts = Reader(*scene, scale * UpwardsFrom(up), path.stem().string()).Take();
+  std::vector<Box> parts =
+      Reader(*scene, units.scale * UpwardsFrom(up), path.stem().string()).Take();
   if (parts.empty()) throw DataError("it has no triangles");
   Eigen::AlignedBox3d bounds;
   for (const Box& part : parts)

@@ -174,6 +174,7 @@ Side FacetSide(const Box& box, int index) {
   const Eigen::Matrix3d& r = box.structure_from_box.linear();
   const double scale = box.MeshScale();
   Side side;
+  side.index = index;
   side.name = fmt::format("{}/{}", box.name, index + 1);
   side.normal = r * facet.normal;
   side.axis_u = r * facet.axis_u;
@@ -199,7 +200,7 @@ Side MakeSide(const std::vector<Box>& boxes, int box_index, int index) {
   Side side;
   side.name = box.name + "/" + ToString(face);
   side.box = box_index;
-  side.face = face;
+  side.index = index;
   const Eigen::Matrix3d& r = box.structure_from_box.linear();
   side.normal = r * axes.normal;
   side.axis_u = r * axes.u;
@@ -211,10 +212,9 @@ Side MakeSide(const std::vector<Box>& boxes, int box_index, int index) {
   return side;
 }
 
-/// Has a side a label? `index`: of the side among its box's.
-bool HasLabel(const Box& box, int index) {
-  const auto i = static_cast<std::size_t>(index);
-  return box.mesh ? box.mesh->facets()[i].labelled : kFaces.at(i) != Face::kDown;
+bool HasLabel(const Box& box, const Side& side) {
+  return box.mesh ? box.mesh->facets()[static_cast<std::size_t>(side.index)].labelled
+                  : side.face() != Face::kDown;
 }
 
 }  // namespace
@@ -251,6 +251,27 @@ std::array<Eigen::Vector3d, 8> Box::Corners() const {
     corners[k] = structure_from_box * Eigen::Vector3d(sign.cwiseProduct(size) / 2);
   }
   return corners;
+}
+
+std::vector<Eigen::Vector3d> Box::Vertices() const {
+  const auto corners = Corners();
+  if (!mesh) return {corners.begin(), corners.end()};
+  std::vector<Eigen::Vector3d> vertices;
+  for (const Eigen::Vector3d& p : mesh->vertices())
+    vertices.emplace_back(structure_from_box * Eigen::Vector3d(MeshScale() * p));
+  return vertices;
+}
+
+std::vector<std::vector<std::array<Eigen::Vector3d, 3>>> Box::TrianglesBySide() const {
+  const std::vector<Eigen::Vector3d> vertices = Vertices();
+  std::vector<std::vector<std::array<Eigen::Vector3d, 3>>> sides(mesh->facets().size());
+  for (std::size_t i = 0; i < mesh->triangles().size(); ++i) {
+    auto& corners =
+        sides[static_cast<std::size_t>(mesh->FacetOf(static_cast<int>(i)))].emplace_back();
+    for (std::size_t k = 0; k < 3; ++k)
+      corners[k] = vertices[static_cast<std::size_t>(mesh->triangles()[i][k])];
+  }
+  return sides;
 }
 
 double Side::BulgeAt(const Eigen::Vector3d& p) const {
@@ -321,6 +342,12 @@ bool Structure::IsOfBoxes() const {
                       [](const Box& box) { return box.mesh != nullptr; });
 }
 
+std::string Structure::CountedParts() const {
+  const char* one = IsOfBoxes() ? "box" : "part";
+  const char* many = IsOfBoxes() ? "boxes" : "parts";
+  return fmt::format("{} {}", boxes_.size(), boxes_.size() == 1 ? one : many);
+}
+
 bool Structure::Contains(const Eigen::Vector3d& p) const {
   return std::any_of(boxes_.begin(), boxes_.end(), [&](const Box& box) { return box.Contains(p); });
 }
@@ -374,11 +401,9 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
 
   std::map<std::string, int> index_of;
   std::vector<std::string> order = label_order;
-  int first = 0;  // of the sides of the box
   for (int i = 0; i < static_cast<int>(structure.sides_.size()); ++i) {
     const Side& side = structure.sides_[static_cast<std::size_t>(i)];
-    if (i > 0 && side.box != structure.sides_[static_cast<std::size_t>(i - 1)].box) first = i;
-    if (!HasLabel(structure.boxes_[static_cast<std::size_t>(side.box)], i - first)) continue;
+    if (!HasLabel(structure.boxes_[static_cast<std::size_t>(side.box)], side)) continue;
     index_of[side.name] = i;
     if (label_order.empty()) order.push_back(side.name);
   }
@@ -481,12 +506,9 @@ Structure Structure::DisplacedToDraw(const std::vector<Pose>& offsets, double si
   }
   Structure moved = *this;
   moved.boxes_ = boxes;
-  int index = 0;  // among the box's
-  for (std::size_t i = 0; i < moved.sides_.size(); ++i) {
-    Side& side = moved.sides_[i];
-    index = i > 0 && side.box == moved.sides_[i - 1].box ? index + 1 : 0;
+  for (Side& side : moved.sides_) {
     const std::uint8_t label = side.label;
-    side = MakeSide(moved.boxes_, side.box, index);
+    side = MakeSide(moved.boxes_, side.box, side.index);
     side.label = label;
     side.exposed_area = kNan;
     side.exposed_centroid.setConstant(kNan);
@@ -517,16 +539,15 @@ struct StructureFile {
   };
   struct MeshEntry {
     std::string name, file;
-    double scale = 1;
-    MeshUp up = MeshUp::kFormat;
+    MeshUnits units;
     std::vector<double> vertices;
     std::vector<int> triangles;
     template <class Archive>
     void Describe(Archive& ar) {
       ar("name", name, "of the part; of several parts, before the names of their nodes");
       ar("file", file, "glTF, OBJ, STL or PLY, relative to this file");
-      ar("scale", scale, "metres per unit of the file", Above(0));
-      ar("up", up, "the axis of the file that points up");
+      ar("scale", units.scale, "metres per unit of the file", Above(0));
+      ar("up", units.up, "the axis of the file that points up");
       ar("vertices", vertices, "in place of a file: x, y, z of each, mm");
       ar("triangles", triangles, "three vertices each, from 0, anticlockwise from outside");
     }
@@ -586,22 +607,24 @@ Box BoxOf(const StructureFile::BoxEntry& entry, const ConfigSource& source,
   return box;
 }
 
-void AppendMesh(const StructureFile::MeshEntry& entry, const std::filesystem::path& beside,
+/// `of`: the structure's file; a mesh stands beside it, or is it.
+void AppendMesh(const StructureFile::MeshEntry& entry, const std::filesystem::path& of,
                 std::vector<Box>* boxes) {
   if (!entry.file.empty()) {
     if (!entry.vertices.empty() || !entry.triangles.empty())
       throw DataError(fmt::format("mesh '{}' has both a file and vertices", Shortened(entry.file)));
-    std::filesystem::path file = beside / entry.file;
+    std::filesystem::path file = of.parent_path() / entry.file;
     if (!std::filesystem::exists(file)) file = FindInputFile(entry.file);
     try {
-      std::vector<Box> parts = ReadMeshParts(file, entry.scale, entry.up);
+      std::vector<Box> parts = ReadMeshParts(file, entry.units);
       for (Box& part : parts) {
         if (!entry.name.empty())
           part.name = parts.size() == 1 ? entry.name : entry.name + "_" + part.name;
         boxes->push_back(std::move(part));
       }
     } catch (const DataError& e) {
-      throw DataError(fmt::format("{}: {}", ShownPath(file), e.what()));
+      if (file == of) throw;
+      throw DataError(fmt::format("mesh '{}': {}", Shortened(entry.file), e.what()));
     }
     return;
   }
@@ -618,39 +641,33 @@ StructureFile::MeshEntry EntryOf(const Box& box) {
   const auto rounded = [](double mm) { return std::round(mm * 1e6) / 1e6; };
   StructureFile::MeshEntry entry;
   entry.name = box.name;
-  for (const Eigen::Vector3d& p : box.mesh->vertices()) {
-    const Eigen::Vector3d mm =
-        box.structure_from_box * Eigen::Vector3d(box.MeshScale() * p) / kMillimetre;
-    for (const double x : mm) entry.vertices.push_back(rounded(x));
-  }
+  for (const Eigen::Vector3d& p : box.Vertices())
+    for (const double x : p) entry.vertices.push_back(rounded(x / kMillimetre));
   for (const PartMesh::Triangle& triangle : box.mesh->triangles())
     entry.triangles.insert(entry.triangles.end(), triangle.begin(), triangle.end());
   return entry;
 }
 
-Structure ReadMeshStructure(const std::filesystem::path& path) {
-  try {
-    Structure structure =
-        Structure::FromBoxes(path.stem().string(), ReadMeshParts(FindInputFile(path.string())));
-    RequireStack(structure);
-    return structure;
-  } catch (const DataError& e) {
-    throw ConfigError(fmt::format("{}: {}", ShownPath(path), e.what()));
-  }
-}
-
 }  // namespace
 
-Structure ReadStructure(const std::filesystem::path& file_path) {
+Structure ReadStructure(const std::filesystem::path& file_path, const MeshUnits& units) {
   const std::string path = file_path.string(), ending = file_path.extension().string();
-  if (IsMeshFile(file_path)) return ReadMeshStructure(file_path);
-  if (ending != ".yaml" && ending != ".yml")
+  const bool is_mesh = IsMeshFile(file_path);
+  if (!is_mesh && ending != ".yaml" && ending != ".yml")
     throw ConfigError(fmt::format("{}: a structure is a .yaml file or a mesh", path));
-  const std::string found = FindInputFile(path);
-  const auto source = ConfigSource::FromString(ReadFile(found, kMaxTextBytes), path);
-  StructureFile start;
-  start.name = file_path.stem().string();
-  const StructureFile file = ReadConfig(source, start);
+  if (!is_mesh && (units.scale != 1 || units.up != MeshUp::kFormat))
+    throw ConfigError(
+        fmt::format("{}: a scale and an axis are for a mesh; a .yaml has millimetres, y up", path));
+  const std::filesystem::path found = FindInputFile(path);
+  StructureFile file;
+  file.name = file_path.stem().string();
+  ConfigSource source;
+  if (is_mesh) {
+    file.meshes.push_back({"", found.filename().string(), units, {}, {}});
+  } else {
+    source = ConfigSource::FromString(ReadFile(found, kMaxTextBytes), path);
+    file = ReadConfig(source, file);
+  }
   std::vector<Box> boxes;
   for (const StructureFile::BoxEntry& entry : file.boxes)
     boxes.push_back(BoxOf(entry, source, fmt::format("boxes[{}]", boxes.size())));
@@ -664,13 +681,12 @@ Structure ReadStructure(const std::filesystem::path& file_path) {
     }
   }
   try {
-    for (const StructureFile::MeshEntry& entry : file.meshes)
-      AppendMesh(entry, std::filesystem::path(found).parent_path(), &boxes);
+    for (const StructureFile::MeshEntry& entry : file.meshes) AppendMesh(entry, found, &boxes);
     Structure structure = Structure::FromBoxes(file.name, std::move(boxes), order);
     RequireStack(structure);
     return structure;
   } catch (const DataError& e) {
-    throw ConfigError(fmt::format("{}: {}", path, e.what()));
+    throw ConfigError(fmt::format("{}: {}", ShownPath(path), e.what()));
   }
 }
 

@@ -48,6 +48,10 @@ struct Box {
 
   /// Corners in the structure frame.
   std::array<Eigen::Vector3d, 8> Corners() const;
+  /// Corners, or the vertices of the mesh, in the structure frame.
+  std::vector<Eigen::Vector3d> Vertices() const;
+  /// The triangles of a mesh by side, in the structure frame, anticlockwise from outside.
+  std::vector<std::vector<std::array<Eigen::Vector3d, 3>>> TrianglesBySide() const;
   /// How much larger the part is than its mesh.
   double MeshScale() const { return size.x() / mesh->size().x(); }
   /// Is p, in the structure frame, inside?
@@ -68,7 +72,7 @@ struct Border {
 struct Side {
   std::string name;                        ///< "top/front", "shelf/3"
   int box = 0;                             ///< index into Structure::boxes()
-  Face face = Face::kFront;                ///< of a box; of a mesh, no matter
+  int index = 0;                           ///< among the part's sides
   std::uint8_t label = 0;                  ///< 0: solid but background, as every `down` side is
   Eigen::Vector3d centre;                  ///< of the rectangle around it
   Eigen::Vector3d normal;                  ///< outward, unit
@@ -79,6 +83,7 @@ struct Side {
   double exposed_area = 0;           ///< m^2 not covered by another box
   Eigen::Vector3d exposed_centroid;  ///< of that area; the centre if nothing is exposed
 
+  Face face() const { return kFaces.at(static_cast<std::size_t>(index)); }  ///< of a box's side
   /// Closest point of the finite side to p.
   Eigen::Vector3d ClosestPoint(const Eigen::Vector3d& p) const;
   double Area() const;  ///< m^2
@@ -119,6 +124,8 @@ class Structure {
   const std::vector<Box>& boxes() const { return boxes_; }
   /// Are all parts boxes?
   bool IsOfBoxes() const;
+  /// "4 boxes", "1 part".
+  std::string CountedParts() const;
   bool Contains(const Eigen::Vector3d& p) const;  ///< Is p inside of a part?
   /// All sides of every part. A box has 6, in the order of kFaces.
   const std::vector<Side>& sides() const { return sides_; }
@@ -153,11 +160,24 @@ class Structure {
   int num_classes_ = 1;
 };
 
+/// Which axis of a mesh points up. `format`: as the format has it, y in glTF and OBJ, z in STL and
+/// PLY.
+enum class MeshUp { kFormat, kX, kY, kZ };
+constexpr Words<MeshUp, 4> WordsOf(MeshUp) {
+  return {{{"format", MeshUp::kFormat}, {"x", MeshUp::kX}, {"y", MeshUp::kY}, {"z", MeshUp::kZ}}};
+}
+/// How a mesh is read. `scale`: metres per unit; glTF has metres.
+struct MeshUnits {
+  double scale = 1;
+  MeshUp up = MeshUp::kFormat;
+};
+
 /// Reads a structure: a .yaml of boxes or meshes (configs/structure.yaml), lengths in millimetres,
 /// or a mesh (mesh_file.h). A box has x, y, z as [min, max] and optionally `yaw_deg` about the
-/// vertical through its centre. A mesh is a `file` or has `vertices` and `triangles`. Throws
-/// IoError or ConfigError, also for a structure with an impossible StackFault (stack_faults.h).
-Structure ReadStructure(const std::filesystem::path& path);
+/// vertical through its centre. A mesh is a `file` or has `vertices` and `triangles`. `units`: of a
+/// mesh. Throws IoError or ConfigError, also for a structure with an impossible StackFault
+/// (stack_faults.h), and for other units of a .yaml.
+Structure ReadStructure(const std::filesystem::path& path, const MeshUnits& units = {});
 
 /// The text that ReadStructure reads as the same structure, to 1 nm. Throws DataError for a tilted
 /// box.

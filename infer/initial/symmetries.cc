@@ -35,15 +35,6 @@ constexpr std::size_t kMostAxes = kBeam / 2;
 /// Part of its area by which a facet may differ from the one that it is brought onto.
 constexpr double kSameArea = 0.05;
 
-std::vector<Eigen::Vector3d> VerticesOf(const Box& box) {
-  const auto corners = box.Corners();
-  if (!box.mesh) return {corners.begin(), corners.end()};
-  std::vector<Eigen::Vector3d> vertices;
-  for (const Eigen::Vector3d& p : box.mesh->vertices())
-    vertices.emplace_back(box.structure_from_box * Eigen::Vector3d(box.MeshScale() * p));
-  return vertices;
-}
-
 /// The point of a part that its symmetries leave where it is.
 Eigen::Vector3d MiddleOf(const Box& box) {
   if (!box.mesh) return box.structure_from_box.translation();
@@ -53,7 +44,7 @@ Eigen::Vector3d MiddleOf(const Box& box) {
 /// Does the motion bring every vertex of one part near the surface of the other?
 bool BringsVerticesOnto(const Pose& motion, const Box& from, const Box& to) {
   const Structure other = Structure::FromBoxes("", {to});
-  const std::vector<Eigen::Vector3d> vertices = VerticesOf(from);
+  const std::vector<Eigen::Vector3d> vertices = from.Vertices();
   return std::all_of(vertices.begin(), vertices.end(), [&](const Eigen::Vector3d& p) {
     return DistanceToSurface(other, motion * p).distance < kSamePlace;
   });

@@ -140,13 +140,10 @@ Table TargetTable(const TargetQuality& quality) {
 
 std::string FormatTarget(const Structure& structure, const TargetQuality& quality) {
   const Eigen::Vector3d above(0, structure.FloorHeight(), 0);
-  const std::size_t boxes = structure.boxes().size();
-  const char* one = structure.IsOfBoxes() ? "box" : "part";
-  const char* many = structure.IsOfBoxes() ? "boxes" : "parts";
   return fmt::format(
-             "{}: {} {}, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
+             "{}: {}, {:.0f} mm high; the origin is {:.0f} mm above the floor. Poses are in "
              "its frame: +y is up, and training, rendering and rigs place sensors about it\n",
-             structure.name(), boxes, boxes == 1 ? one : many, 1000 * structure.Height(),
+             structure.name(), structure.CountedParts(), 1000 * structure.Height(),
              -1000 * above.y()) +
          Symmetries(structure, quality) + HeightTable(quality) + Conclusion(structure, quality);
 }

@@ -42,17 +42,10 @@ Json Scale(Colour colour, double from, double to) {
 /// To 0.1 mm.
 Json Rounded(const Eigen::Vector3d& p) { return ToJson((1e4 * p).array().round() / 1e4); }
 
-/// The corners of a part's triangles by side, structure frame.
-std::vector<Json> TriangleCorners(const Box& part) {
-  std::vector<Json> corners(part.mesh->facets().size(), Json::array());
-  const auto& triangles = part.mesh->triangles();
-  for (std::size_t i = 0; i < triangles.size(); ++i) {
-    Json& of = corners[static_cast<std::size_t>(part.mesh->FacetOf(static_cast<int>(i)))];
-    for (const int vertex : triangles[i]) {
-      const Eigen::Vector3d& p = part.mesh->vertices()[static_cast<std::size_t>(vertex)];
-      of.push_back(Rounded(part.structure_from_box * Eigen::Vector3d(part.MeshScale() * p)));
-    }
-  }
+Json CornersOf(const std::vector<std::array<Eigen::Vector3d, 3>>& triangles) {
+  Json corners = Json::array();
+  for (const auto& triangle : triangles)
+    for (const Eigen::Vector3d& corner : triangle) corners.push_back(Rounded(corner));
   return corners;
 }
 
@@ -72,8 +65,8 @@ Json Boxes(const Structure& structure) {
   Json boxes = Json::array();
   for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
     const Box& box = structure.boxes()[b];
-    std::vector<Json> corners;
-    if (box.mesh) corners = TriangleCorners(box);
+    std::vector<std::vector<std::array<Eigen::Vector3d, 3>>> triangles;
+    if (box.mesh) triangles = box.TrianglesBySide();
     Json sides = Json::array();
     for (const Side& side : structure.sides()) {
       if (side.box != static_cast<int>(b)) continue;
@@ -83,7 +76,7 @@ Json Boxes(const Structure& structure) {
                        {"u", ToJson(side.half_u * side.axis_u)},
                        {"v", ToJson(side.half_v * side.axis_v)}});
       if (!box.mesh) continue;
-      sides.back()["triangles"] = std::move(corners[sides.size() - 1]);
+      sides.back()["triangles"] = CornersOf(triangles[static_cast<std::size_t>(side.index)]);
       sides.back()["borders"] = BorderEnds(side);
     }
     boxes.push_back({{"name", box.name},

@@ -103,7 +103,7 @@ TEST(GltfParts, SidesLieOnTheirBoxesAndFaceOutwards) {
       const auto label = static_cast<std::uint8_t>(primitive.extras.Get("label").GetNumberAsInt());
       const std::string face = primitive.extras.Get("side").Get<std::string>();
       for (const Side& side : structure.sides()) {
-        if (side.box != static_cast<int>(b) || ToString(side.face) != face) continue;
+        if (side.box != static_cast<int>(b) || ToString(side.face()) != face) continue;
         ++sides;
         EXPECT_EQ(side.label, label);
         EXPECT_LT(((corners[0] + corners[1] + corners[2] + corners[3]) / 4 - side.centre).norm(),

@@ -176,7 +176,7 @@ TEST(MeshFile, UnitsAndAxes) {
   for (Vector3d& p : shape.parts[0].vertices) p = 1e3 * Vector3d(p.x(), -p.z(), p.y());
   const std::filesystem::path path = WriteShape(folder, shape, "obj");  // millimetres, z up
   ExpectError<ConfigError>([&] { ReadStructure(path); }, {"600 m long", "--mesh-scale 0.001"});
-  const std::vector<Box> parts = ReadMeshParts(path, 1e-3, MeshUp::kZ);
+  const std::vector<Box> parts = ReadMeshParts(path, {1e-3, MeshUp::kZ});
   ASSERT_EQ(parts.size(), 1U);
   EXPECT_LT((parts[0].size - Vector3d(0.6, 0.4, 0.6)).norm(), 1e-6);
   folder.Write("corner.yaml", "meshes: [{file: corner.obj, scale: 0.001, up: z}]\n");

@@ -48,7 +48,7 @@ struct Exposure {
 Exposure BruteForceExposure(const Structure& structure, const Side& side, int n) {
   const Box& own = structure.boxes()[static_cast<std::size_t>(side.box)];
   const Eigen::Matrix3d r = own.structure_from_box.linear();
-  const Vector3d normal = FaceNormal(side.face);
+  const Vector3d normal = FaceNormal(side.face());
   int axis = 0;
   normal.cwiseAbs().maxCoeff(&axis);
   const int a = (axis + 1) % 3, b = (axis + 2) % 3;
@@ -106,9 +106,9 @@ TEST(PaperStructure, HasTheAuthorsLabels) {
                 "top/right",        "top/up",          "top/back",      "top/left"}));
   for (int label = 1; label < 21; ++label) {
     EXPECT_EQ(structure.SideOfLabel(label).label, label);
-    EXPECT_NE(structure.SideOfLabel(label).face, Face::kDown);
+    EXPECT_NE(structure.SideOfLabel(label).face(), Face::kDown);
   }
-  for (const Side& side : structure.sides()) EXPECT_EQ(side.label == 0, side.face == Face::kDown);
+  for (const Side& side : structure.sides()) EXPECT_EQ(side.label == 0, side.face() == Face::kDown);
   ExpectError<Error>([&] { structure.SideOfLabel(0); }, {"label 0"});
   ExpectError<Error>([&] { structure.SideOfLabel(21); }, {"label 21"});
   ExpectError<Error>([&] { structure.Keypoint(-1, KeypointKind::kCentre); }, {"label -1"});
@@ -130,8 +130,8 @@ TEST(PaperStructure, HeightsCentresNormalsAndExtents) {
   expect_centre("top/right", -115, 607.5, 390);
   for (const Side& side : structure.sides()) {
     const Box& box = structure.boxes()[static_cast<std::size_t>(side.box)];
-    EXPECT_EQ(side.name, box.name + "/" + ToString(side.face));
-    EXPECT_LT((side.normal - FaceNormal(side.face)).norm(), 1e-12);
+    EXPECT_EQ(side.name, box.name + "/" + ToString(side.face()));
+    EXPECT_LT((side.normal - FaceNormal(side.face())).norm(), 1e-12);
     EXPECT_LT((side.axis_u.cross(side.axis_v) - side.normal).norm(), 1e-12) << side.name;
     // The three extents of the box: along u, v and the normal.
     const double depth = 2 * (side.centre - box.structure_from_box.translation()).dot(side.normal);
@@ -240,10 +240,10 @@ TEST(Structure, ARowOfBoxesHasFiveLabelsEachUpTo255) {
   EXPECT_EQ(structure.num_classes(), 256);
   std::set<int> labels;
   for (const Side& side : structure.sides()) {
-    if (side.face != Face::kDown) labels.insert(side.label);
+    if (side.face() != Face::kDown) labels.insert(side.label);
     // Neighbours hide each other's front and back.
-    const bool hidden =
-        (side.face == Face::kFront && side.box < 50) || (side.face == Face::kBack && side.box > 0);
+    const bool hidden = (side.face() == Face::kFront && side.box < 50) ||
+                        (side.face() == Face::kBack && side.box > 0);
     EXPECT_NEAR(side.exposed_area, hidden ? 0 : 1, 1e-12) << side.name;
     EXPECT_LT((side.exposed_centroid - side.centre).norm(), 1e-12) << side.name;
   }

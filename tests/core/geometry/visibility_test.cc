@@ -295,7 +295,7 @@ TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
   for (const Structure& structure : {PaperStructure(), yawed.Displaced(offsets)}) {
     double area = 0;
     for (const Side& side : structure.sides()) {
-      if (side.face != Face::kDown) area += side.exposed_area;
+      if (side.face() != Face::kDown) area += side.exposed_area;
     }
     for (const double spacing : {0.005, 0.02}) {
       const auto points = SampleExposedSurface(structure, spacing);
@@ -317,7 +317,7 @@ TEST(SampleExposedSurface, CountTimesCellIsTheExposedArea) {
       }
       for (std::size_t i = 0; i < sums.size(); ++i) {
         const Side& side = structure.sides()[i];
-        if (side.face == Face::kDown) {
+        if (side.face() == Face::kDown) {
           EXPECT_EQ(counts[i], 0) << side.name;
         } else if (side.exposed_area > 1e-3) {
           EXPECT_LT((sums[i] / counts[i] - side.exposed_centroid).norm(), spacing) << side.name;

@@ -207,8 +207,8 @@ FakeRoom MakeFakeRoom(const Structure& structure, std::uint64_t seed) {
   for (int label = 1; label < clutter.num_classes(); ++label) {
     if (random.Chance(0.2)) continue;
     int guess = 1 + random.Below(structure.num_classes() - 1);
-    for (int i = 0; i < 5 && structure.SideOfLabel(guess).face != clutter.SideOfLabel(label).face;
-         ++i) {
+    for (int i = 0;
+         i < 5 && structure.SideOfLabel(guess).face() != clutter.SideOfLabel(label).face(); ++i) {
       guess = 1 + random.Below(structure.num_classes() - 1);
     }
     given[static_cast<std::size_t>(label)] = guess;

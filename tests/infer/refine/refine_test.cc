@@ -134,7 +134,7 @@ TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
   Rig rig{PaperStructure(), {}, {}};
   rig.Add("A", RingPose(90, 2.0, 0.35));
   testing_infer::Restrict(rig.structure, &rig.labels[0],
-                          [](const Side& side) { return side.face == Face::kRight; });
+                          [](const Side& side) { return side.face() == Face::kRight; });
   const std::vector<SensorPoints> points = PointsOf(rig);
   const Pose& truth = *rig.frames[0].ground_truth;
   for (const Eigen::Vector3d& shift :
