@@ -19,8 +19,9 @@ namespace volalign {
 
 namespace {
 
-constexpr double kWeld = 1e-5;      // m
-constexpr double kThinnest = 1e-6;  // m: the volume divided by the surface
+constexpr double kWeld = 1e-5;           // m
+constexpr double kFarthestVertex = 1e4;  // m, of a vertex from the origin
+constexpr double kThinnest = 1e-6;       // m: the volume divided by the surface
 
 using Triangle = PartMesh::Triangle;
 
@@ -293,7 +294,8 @@ std::shared_ptr<const PartMesh> PartMesh::Make(std::vector<Eigen::Vector3d> vert
       if (i < 0 || static_cast<std::size_t>(i) >= vertices.size())
         throw DataError(fmt::format("a triangle has the vertex {} of {}", i, vertices.size()));
   for (const Eigen::Vector3d& p : vertices)
-    if (!p.allFinite()) throw DataError("a vertex is not finite");
+    if (!(p.cwiseAbs().maxCoeff() < kFarthestVertex))
+      throw DataError(fmt::format("a vertex is not finite, or more than {:g} m away", kFarthestVertex));
   if (triangles.size() > kMostTriangles) {
     throw DataError(fmt::format("{} triangles violate triangles <= {}: simplify the mesh",
                                 triangles.size(), kMostTriangles));

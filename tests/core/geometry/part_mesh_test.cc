@@ -9,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/random.h"
+#include "core/geometry/frame_errors.h"
 #include "core/geometry/mesh_file.h"
 #include "core/geometry/stack_faults.h"
 #include "core/geometry/structure.h"
@@ -131,6 +132,21 @@ TEST(PartMesh, PartsCoverEachOther) {
   EXPECT_NEAR(DistanceToSurface(moved, {0.05, 1, 0}).distance, 1 - 0.51, 1e-6);
 }
 
+// As of two boxes, one on the other.
+TEST(PartMesh, ConcaveCornersOfOneMeshAreSeams) {
+  const Vector3d low(-0.3, 0, -0.2), top(0.3, 0.3, 0.2), foot(0, 0.3, -0.2), high(0.3, 0.5, 0.2);
+  const Structure mesh = Of(Joined("all", {Cuboid(low, top), Cuboid(foot, high)}));
+  const Structure boxes = Structure::FromBoxes(
+      "test", {Box::FromMinMax("low", low, top), Box::FromMinMax("high", foot, high)});
+  for (const Side& side : boxes.sides()) {
+    if (side.label == 0) continue;
+    const Vector3d q = side.exposed_centroid;
+    const Side& same = mesh.sides()[static_cast<std::size_t>(DistanceToSurface(mesh, q).side)];
+    ASSERT_GT(same.normal.dot(side.normal), 0.999) << side.name;
+    EXPECT_NEAR(SeamDistance(mesh, same, q), SeamDistance(boxes, side, q), 1e-9) << side.name;
+  }
+}
+
 TEST(PartMesh, AFileOfItIsTheSameStructure) {
   const Structure corner = Of(Corner(), "corner");
   const TempFolder folder;
@@ -159,6 +175,9 @@ TEST(PartMesh, SaysWhatIsNoTarget) {
   Solid sheet = Box3(0.5, 0.3, 0.4);
   for (Vector3d& p : sheet.vertices) p.y() = 0;
   ExpectError<DataError>([&] { Of(sheet); }, {"encloses no volume"});
+  Solid far = Box3(0.5, 0.3, 0.4);
+  far.vertices[0].x() = 1e300;
+  ExpectError<DataError>([&] { Of(far); }, {"more than 10000 m away"});
   Solid inside_out = Box3(0.5, 0.3, 0.4);
   for (PartMesh::Triangle& t : inside_out.triangles) std::swap(t[0], t[1]);
   EXPECT_EQ(Of(inside_out).num_classes(), 6) << "turned";

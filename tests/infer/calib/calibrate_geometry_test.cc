@@ -79,6 +79,8 @@ TEST(CalibrateByGeometry, ObjectsOfOtherForms) {
       EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
       ASSERT_TRUE(sensor.error.has_value());
       EXPECT_TRUE(Within(*sensor.error, 0.006, 0.3));
+      // A single part has no place of its own, which would be 0.5 deg of this.
+      EXPECT_LT(sensor.covariance.diagonal().maxCoeff(), 0.01 * 0.01);
     }
   }
 }
