@@ -440,7 +440,7 @@ class CommandLine(InAFolder):
         self.expect("structure check ell.glb -o target.svg", 0, "ell: 1 part, 800 mm high", "written: target.svg")
         self.assertIn('<path class="box"', self.read("target.svg"))
         self.expect("structure sheet ell.yaml -o sheet.svg", 1, "error: ell: only a stack of boxes has a build sheet")
-        self.expect("structure build ell.yaml --mesh-scale 0.001 -o x.yaml", 1, "--mesh-scale and --mesh-up are for a mesh")
+        self.expect("structure build ell.yaml --mesh-scale 0.001 -o x.yaml", 1, "a scale and an axis are for a mesh")
         self.expect("structure build ell.yaml -o x.png", 1, "x.png: the file to write ends in .glb or .yaml")
         self.expect("render --rig configs/rig_ring4.yaml --set structure=ell.glb -o capture", 0)
         self.expect("structure show capture/structure.yaml", 0, said)
