@@ -231,14 +231,14 @@ def rendered_places(program, renderer, result, rigs, counts=(1, 4)):
     for kind, seed in itertools.product(KINDS, range(3000, 3000 + rigs)):
         name = f"places_{kind}_{seed}"
         folder = options.work / "rendered" / name
-        if not (folder / "capture.json").exists():
+        if not folder.exists():
             draws = np.random.default_rng(seed).uniform(-0.56, 0.56, (3, 3)) * [100, 100, 320]
             spots = ", ".join(f"{{x_cm: {x:.0f}, z_cm: {z:.0f}, yaw_deg: {yaw:.0f}}}" for x, z, yaw in draws)
             folder.mkdir(parents=True, exist_ok=True)
             text = pathlib.Path("configs/rig_irregular.yaml").read_text()
             (folder / "rig.yaml").write_text(re.sub(r"sensor: \w+,", f"sensor: {kind},", text) + f"placements: [{spots}]\n")
             renderer.run("render", "--rig", folder / "rig.yaml", "-o", folder, "--force", "--set", f"seed={seed}")
-        files = [folder / "capture.json", *sorted(folder.glob("placement_*/capture.json"))]
+        files = sorted(folder.glob("placement_*/capture.json"))
         for count in counts:
             measure(result, f"rendered places {kind}, {count} of 4", name, program.calibrate(f"{name}_{count}", files[:count], True),
                     truth_of(files[0]), align=True)
