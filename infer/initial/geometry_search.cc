@@ -239,7 +239,7 @@ double BestShape(const Poses& poses) {
 }
 
 /// Leaves out poses that the shape refutes as against the best one, and those that explain notably
-/// less than another one does. 1 of 100 sensors' poses does, by tests/bench/shape_shares.py. The
+/// less than another one does. 1 of 100 sensors' poses does (view_fit.cc has the measurement). The
 /// best first.
 Poses Compete(Poses poses, const Structure& structure) {
   const double best = BestShape(poses);

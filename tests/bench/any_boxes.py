@@ -15,13 +15,12 @@ import json
 import math
 import pathlib
 import random
-import subprocess
 import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
-from grey_png import read_png  # noqa: E402
+from common import D415, KINECT, run
+from grey_png import read_png
 
-SENSORS = ["azure_kinect_nfov_binned", "kinect_v2", "kinect_v1", "realsense_d415"]
+SENSORS = [KINECT, "kinect_v2", "kinect_v1", D415]
 MOST_OFF_M, MOST_OFF_DEG = 0.10, 5  # of a pose that is not wrong
 BOX_SHARE, FLOOR_SHARE = 0.005, 0.02  # of the picture: what counts as seen
 FLOOR_M = 0.03
@@ -82,12 +81,6 @@ def sees_enough(folder, capture, sensor, truth):
     return boxes >= 2 and floor > FLOOR_SHARE * pixels
 
 
-def run(command):
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-    if done.returncode not in (0, 2):
-        sys.exit(f"{' '.join(map(str, command))}\n{done.stderr}")
-
-
 def calibrate(options, seed, sensor):
     """(asked, found, capture) of one rig: the rows of its sensors."""
     folder = options.folder / f"{seed}_{sensor}{'_empty' if options.empty else ''}"
@@ -95,11 +88,8 @@ def calibrate(options, seed, sensor):
     result = folder / "out" / "extrinsics.json"
     if not result.exists():
         write_inputs(folder, seed, sensor, PAPER if options.paper else stack(seed))
-        changes = ["structure_present=false"] if options.empty else []
-        run([options.program, "render", "--rig", folder / "rig.yaml", "-o", folder] +
-            [part for change in changes for part in ("--set", change)])
-        run([options.program, "calibrate", "--capture", folder / "capture.json", "--structure", folder / "stack.yaml",
-             "--model", "none", "-o", folder / "out"])
+        run(options.program, "render", "--rig", folder / "rig.yaml", "-o", folder, *(["--set", "structure_present=false"] if options.empty else []))
+        run(options.program, "calibrate", "--capture", folder / "capture.json", "--structure", folder / "stack.yaml", "--model", "none", "-o", folder / "out")
     capture, extrinsics = json.loads((folder / "capture.json").read_text()), json.loads(result.read_text())
     rows = []
     for one in capture["sensors"]:

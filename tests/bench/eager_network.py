@@ -35,28 +35,28 @@ def upsample_to(x, like):
 
 
 class StructureNet(nn.Module):
-    """With soft attention and, as two inputs, depth and mask. `unit` makes each convolution."""
+    """With soft attention; its two inputs are depth and mask."""
 
-    def __init__(self, width, normalization="batch", inputs=2, unit=ConvUnit):
+    def __init__(self, width, normalization):
         super().__init__()
         groups = [[(7, 1), (5, 2)]] + [[(3, f)] * 3 for f in (4, 8, 16, 16)]
-        channels, skips, self.encoder = inputs, [], nn.ModuleList()
+        channels, skips, self.encoder = 2, [], nn.ModuleList()
         for group in groups:
             units = nn.ModuleList()
             for kernel, factor in group:
-                units.append(unit(channels, factor * width, kernel, normalization))
+                units.append(ConvUnit(channels, factor * width, kernel, normalization))
                 channels = factor * width
             self.encoder.append(units)
             skips.append(channels)
-        self.bottleneck = nn.ModuleList(nn.ModuleList(unit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(4))
-        self.attention = unit(channels, 1, 1, "none")
+        self.bottleneck = nn.ModuleList(nn.ModuleList(ConvUnit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(4))
+        self.attention = ConvUnit(channels, 1, 1, "none")
         self.decoder = nn.ModuleList()
         for skip in reversed(skips[:4]):
             self.decoder.append(nn.ModuleList(
-                unit(*shape, normalization) for shape in ((channels, channels, 3), (channels, channels, 3), (channels, skip, 3), (2 * skip, skip, 1))))
+                ConvUnit(*shape, normalization) for shape in ((channels, channels, 3), (channels, channels, 3), (channels, skip, 3), (2 * skip, skip, 1))))
             channels = skip
-        self.last = unit(channels, width, 3, normalization)
-        self.classifier = unit(width, 21, 1, "none")
+        self.last = ConvUnit(channels, width, 3, normalization)
+        self.classifier = ConvUnit(width, 21, 1, "none")
 
     def forward(self, x):
         skips = []
@@ -87,7 +87,7 @@ class Step:
         torch.manual_seed(1)
         self.bf16 = args.precision == "bf16"
         self.layout = torch.channels_last if args.layout == "channels_last" else torch.contiguous_format
-        self.net = StructureNet(args.width, normalization=args.normalization).to(memory_format=self.layout)
+        self.net = StructureNet(args.width, args.normalization).to(memory_format=self.layout)
         self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-4)
         depth = 1.5 + torch.rand(args.batch, 1, args.height, args.width_px)
         mask = (torch.rand_like(depth) > 0.1).float()

@@ -14,10 +14,10 @@ import argparse
 import json
 import pathlib
 import re
-import subprocess
-import sys
 
-SENSORS = ["azure_kinect_nfov_binned", "realsense_d415"]
+from common import D415, KINECT, run
+
+SENSORS = [KINECT, D415]
 METHODS = ["network", "geometry", "auto"]
 RING = "configs/rig_ring4.yaml"
 SITUATIONS = {
@@ -49,12 +49,9 @@ def evaluate(options, name):
         rig = folder / "rig.yaml"
         rig.write_text(text)
         changes = []
-    command = [options.program, "evaluate", "--model", options.model, "--rigs", rig, "--sensors", *SENSORS,
-               "--seeds", options.seeds, "--compare", "initial.method=" + ",".join(METHODS),
-               "--set-rig", "assembly.position_mm=3", *changes, "--set", "threads=1", "-o", folder]
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr)
+    run(options.program, "evaluate", "--model", options.model, "--rigs", rig, "--sensors", *SENSORS,
+        "--seeds", options.seeds, "--compare", "initial.method=" + ",".join(METHODS),
+        "--set-rig", "assembly.position_mm=3", *changes, "--set", "threads=1", "-o", folder)
     return json.loads((folder / "evaluation.json").read_text())["cases"]
 
 

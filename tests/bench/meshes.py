@@ -13,28 +13,19 @@ import json
 import pathlib
 import re
 import statistics
-import subprocess
-import sys
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from wrong_stacks import apart  # noqa: E402
+import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-WRONG_M, WRONG_DEG = 0.1, 10
-KINDS = ["azure_kinect_nfov_binned", "realsense_d415"]
+from common import D415, KINECT, ROOT, run
+from accuracy import errors, is_wrong
+
+KINDS = [KINECT, D415]
 
 
 def rig(structure, noise, seed, height_cm):
     sensors = "\n".join(f"  - {{name: S{i}, sensor: {KINDS[i % 2]}, rho_cm: 200, phi_deg: {60 * i + 17 * seed}, height_cm: {height_cm}, roll_deg: 90, "
                         "look_at_cm: [0, 0, 0]}" for i in range(6))
     return f"structure: {structure}\nstructure_yaw_deg: 0\nroom: true\nnoise: {noise}\nseed: {seed}\nsensors:\n{sensors}\n"
-
-
-def run(*arguments):
-    done = subprocess.run([str(x) for x in arguments], capture_output=True, text=True, cwd=ROOT)
-    if done.returncode not in (0, 2):
-        sys.exit(f"{' '.join(map(str, arguments))}\n{done.stderr}")
-    return done.stdout + done.stderr
 
 
 def measure(program, structure, folder, noise, seed):
@@ -49,13 +40,12 @@ def measure(program, structure, folder, noise, seed):
     truth = json.loads((out / "frames/capture.json").read_text())["ground_truth"]
     for name, sensor in json.loads((out / "extrinsics.json").read_text())["sensors"].items():
         pose = sensor.get("structure_from_sensor")
-        yield sensor["status"], sensor.get("code", ""), apart(pose, truth[name]) if pose else None
+        yield sensor["status"], sensor.get("code", ""), errors(*np.array([pose, truth[name]])) if pose else None
 
 
 def row_of(sensors):
-    placed = [error for _, _, error in sensors if error]
-    wrong = [status for status, _, error in sensors if error and (error[0] > WRONG_M or error[1] > WRONG_DEG)]
-    right = [1e3 * m for m, deg in placed if m <= WRONG_M and deg <= WRONG_DEG]
+    wrong = [status for status, _, error in sensors if error and is_wrong(error)]
+    right = [1e3 * error[0] for _, _, error in sensors if error and not is_wrong(error)]
     statuses = [status for status, _, _ in sensors]
     return {"statuses": ", ".join(str(statuses.count(status)) for status in ("ok", "weak", "failed")),
             "median": statistics.median(right) if right else float("nan"), "worst": max(right, default=float("nan")),

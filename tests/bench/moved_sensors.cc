@@ -1,15 +1,10 @@
 // What `volalign check` finds: a rendered rig is calibrated, one of its sensors is moved, the stack
 // is built up elsewhere, and the rig is calibrated again. Devices keep their errors.
 //
-//   moved_sensors [KEY=VALUE ...]
+//   moved_sensors [seeds=3000:3010] [mm=5,10,15,20,30] [deg=0.2,0.4,0.6,1.2]
 //
-// rig=configs/rig_ring8.yaml   sensors=azure_kinect_nfov_binned   "own": as the rig has them
-// seeds=3000:3010   mm=5,10,15,20,30   deg=0.2,0.4,0.6,1.2   movements to try, each of one sensor
-// same_place=0      1: the stack stands where it stood, built up anew
-// radius_m=0.5      else it stands anywhere within this distance
-// box_mm=3          how far boxes stand from their places, standard deviation along each axis
-// model=models/m05-lite.safetensors
-//
+// mm and deg: movements to try, each of one of the eight Azure Kinects of configs/rig_ring8.yaml.
+// The stack stands anywhere within 0.5 m of where it stood, its boxes 3 mm off their places.
 // A row: of how many moved sensors that both calibrations place and call ok the movement was found,
 // and how many of all others were accused. Sensor and direction are drawn from the seed.
 
@@ -51,20 +46,17 @@ struct Trial {
   int moved = 0, found = 0, others = 0, accused = 0, undecided = 0;
 };
 
-Rig ReadRigOf(const Values& values, std::uint64_t seed) {
-  ConfigSource source = ConfigSource::FromFile(values.at("rig"));
-  source.Set("assembly.position_mm=" + values.at("box_mm"));
+Rig ReadRigOf(std::uint64_t seed) {
+  ConfigSource source = ConfigSource::FromFile("configs/rig_ring8.yaml");
+  source.Set("assembly.position_mm=3");
   Rig rig = ReadRig(source);
   rig.seed = seed;
   TurnStructure(137.50776405003785 * static_cast<double>(seed), &rig);
   for (RigSensor& sensor : rig.sensors) {
-    if (values.at("sensors") == "own") break;
-    sensor.sensor = values.at("sensors");
+    sensor.sensor = "azure_kinect_nfov_binned";
     sensor.image_size.clear();
   }
-  rig.placements.assign(1, RigPlacement{});
-  if (values.at("same_place") == "0")
-    rig.placements = DrawPlacements(rig, 1, std::atof(values.at("radius_m").c_str()));
+  rig.placements = DrawPlacements(rig, 1, 0.5);
   return rig;
 }
 
@@ -107,22 +99,16 @@ void Count(const Placed& last, const Placed& now, const std::string& mover, Tria
 void Run(const Values& values) {
   std::vector<Trial> trials(1);
   trials[0].label = "nothing";
-  for (const double mm : Numbers(values.at("mm"))) {
-    trials.emplace_back();
-    trials.back().label = fmt::format("{} mm", mm);
-    trials.back().mm = mm;
-  }
-  for (const double deg : Numbers(values.at("deg"))) {
-    trials.emplace_back();
-    trials.back().label = fmt::format("{} deg", deg);
-    trials.back().deg = deg;
-  }
+  for (const double mm : Numbers(values.at("mm")))
+    trials.push_back({fmt::format("{} mm", mm), mm, 0});
+  for (const double deg : Numbers(values.at("deg")))
+    trials.push_back({fmt::format("{} deg", deg), 0, deg});
   SetTorchThreads(2);
-  const auto segmenter = LoadNetworkSegmenter(values.at("model"));
+  const auto segmenter = LoadNetworkSegmenter("models/m05-lite.safetensors");
   EglContext egl{EglContextOptions{}};
   GlDepthRenderer renderer;
   for (const std::uint64_t seed : ParseSeeds(values.at("seeds"))) {
-    Rig rig = ReadRigOf(values, seed);
+    Rig rig = ReadRigOf(seed);
     // All that is tried is a further capture of the same rig: rooms and devices stay as they are.
     const RigPlacement elsewhere = rig.placements[0];
     rig.placements.assign(trials.size(), elsewhere);
@@ -159,23 +145,17 @@ void Run(const Values& values) {
 }  // namespace volalign
 
 int main(int argc, char** argv) {
-  volalign::Values values = {{"rig", "configs/rig_ring8.yaml"},
-                             {"sensors", "azure_kinect_nfov_binned"},
-                             {"seeds", "3000:3010"},
-                             {"mm", "5,10,15,20,30"},
-                             {"deg", "0.2,0.4,0.6,1.2"},
-                             {"same_place", "0"},
-                             {"radius_m", "0.5"},
-                             {"box_mm", "3"},
-                             {"model", "models/m05-lite.safetensors"}};
+  volalign::Values values = {
+      {"seeds", "3000:3010"}, {"mm", "5,10,15,20,30"}, {"deg", "0.2,0.4,0.6,1.2"}};
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     const std::size_t equals = argument.find('=');
-    if (equals == std::string::npos || !values.count(argument.substr(0, equals))) {
+    const auto value = values.find(argument.substr(0, equals));
+    if (equals == std::string::npos || value == values.end()) {
       fmt::print(stderr, "moved_sensors: {}? See the comment at the top of its source\n", argument);
       return 1;
     }
-    values[argument.substr(0, equals)] = argument.substr(equals + 1);
+    value->second = argument.substr(equals + 1);
   }
   volalign::Run(values);
   return 0;

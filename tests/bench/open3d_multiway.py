@@ -17,14 +17,16 @@ import itertools
 import json
 import pathlib
 import re
-import subprocess
 import sys
 import time
 
 import numpy as np
 import open3d as o3d
 
-SENSORS = ["azure_kinect_nfov_binned", "realsense_d415"]
+from common import D415, KINECT, run
+from accuracy import errors
+
+SENSORS = [KINECT, D415]
 
 # Correspondence distances in voxels. `documented`: as in Open3D's multiway tutorial, all pairs. `near`: for initial poses that
 # are a few centimetres off, and only pairs of which a tenth overlaps, which helps where most sensors face one another.
@@ -116,12 +118,6 @@ def multiway(clouds, initial, voxel, setting):
     return [np.array(node.pose) for node in graph.nodes], time.perf_counter() - start
 
 
-def angle_deg(rotation):
-    sine = 0.5 * np.linalg.norm([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
-                                 rotation[1, 0] - rotation[0, 1]])
-    return np.degrees(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1)))
-
-
 def best_rigid(source, target):
     """Rigid transform that minimises the sum of |target - T source|^2 (Kabsch)."""
     a, b = source.mean(axis=0), target.mean(axis=0)
@@ -136,36 +132,16 @@ def moved(pose, points):
     return points @ pose[:3, :3].T + pose[:3, 3]
 
 
-def errors(poses, truth, seen):
+def errors_of(poses, truth, seen):
     """Errors of a set of poses. `seen`: points of the structure in each sensor's frame."""
     align = best_rigid(np.vstack([moved(p, s) for p, s in zip(poses, seen)]),
                        np.vstack([moved(t, s) for t, s in zip(truth, seen)]))
     aligned = [align @ p for p in poses]
-    result = {"position_mm": [], "rotation_deg": [], "points_mm": [], "pair_mm": [], "pair_deg": []}
-    for pose, true, points in zip(aligned, truth, seen):
-        result["position_mm"].append(1000 * np.linalg.norm(pose[:3, 3] - true[:3, 3]))
-        result["rotation_deg"].append(angle_deg(pose[:3, :3] @ true[:3, :3].T))
-        off = np.linalg.norm(moved(pose, points) - moved(true, points), axis=1)
-        result["points_mm"].append(1000 * np.sqrt(np.mean(off**2)))
-    for i, j in itertools.combinations(range(len(poses)), 2):
-        relative = np.linalg.inv(poses[i]) @ poses[j]
-        true = np.linalg.inv(truth[i]) @ truth[j]
-        result["pair_mm"].append(1000 * np.linalg.norm(relative[:3, 3] - true[:3, 3]))
-        result["pair_deg"].append(angle_deg(relative[:3, :3] @ true[:3, :3].T))
-    return result
-
-
-def parse_seeds(text):
-    if ":" in text:
-        first, end = text.split(":")
-        return list(range(int(first), int(end)))
-    return [int(part) for part in text.split(",")]
-
-
-def run(command):
-    done = subprocess.run([str(part) for part in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    if done.returncode not in (0, 2):
-        raise SystemExit(f"{' '.join(map(str, command))}\n{done.stdout}")
+    own = [errors(pose, true) for pose, true in zip(aligned, truth)]
+    points = [np.linalg.norm(moved(pose, some) - moved(true, some), axis=1) for pose, true, some in zip(aligned, truth, seen)]
+    pairs = [errors(np.linalg.inv(poses[i]) @ poses[j], np.linalg.inv(truth[i]) @ truth[j]) for i, j in itertools.combinations(range(len(poses)), 2)]
+    return {"position_mm": [1000 * m for m, _ in own], "rotation_deg": [deg for _, deg in own], "points_mm": [1000 * np.sqrt(np.mean(off**2)) for off in points],
+            "pair_mm": [1000 * m for m, _ in pairs], "pair_deg": [deg for _, deg in pairs]}
 
 
 def main():
@@ -174,10 +150,9 @@ def main():
     parser.add_argument("--model", required=True)
     parser.add_argument("--rig", default="configs/rig_ring8.yaml")
     parser.add_argument("--sensors", nargs="+", default=SENSORS, help="model of all sensors of the rig, one run each")
-    parser.add_argument("--seeds", default="1000:1003", help="FIRST:END or a list with commas")
+    parser.add_argument("--seeds", default="1000:1003", help="FIRST:END")
     parser.add_argument("--set-rig", nargs="*", default=["assembly.position_mm=3", "assembly.yaw_deg=0",
                                                          "assembly.size_scale_percent=0"], help="KEY=VALUE over the rig")
-    parser.add_argument("--set", nargs="*", default=[], help="KEY=VALUE over the calibration options")
     parser.add_argument("--voxel", type=float, default=0.02, help="Open3D's voxel size, m")
     parser.add_argument("-o", "--output", required=True, help="folder for captures, calibrations and open3d.json")
     options = parser.parse_args()
@@ -185,14 +160,12 @@ def main():
     count = len(re.findall(r"^\s*-\s*\{?\s*name:", pathlib.Path(options.rig).read_text(), re.M))
 
     rows = []
-    for sensor, seed in itertools.product(options.sensors, parse_seeds(options.seeds)):
+    for sensor, seed in itertools.product(options.sensors, range(*map(int, options.seeds.split(":")))):
         capture, calibration = output / f"{sensor}_{seed}", output / f"{sensor}_{seed}_poses"
         assignments = [f"seed={seed}"] + options.set_rig
         assignments += [f"sensors[{i}].sensor={sensor}" for i in range(count)]
-        run([options.program, "render", "--rig", options.rig, "-o", capture, "--set", *assignments])
-        command = [options.program, "calibrate", "--capture", capture / "capture.json", "--model", options.model,
-                   "-o", calibration]
-        run(command + (["--set", *options.set] if options.set else []))
+        run(options.program, "render", "--rig", options.rig, "-o", capture, "--set", *assignments)
+        run(options.program, "calibrate", "--capture", capture / "capture.json", "--model", options.model, "-o", calibration)
         extrinsics = json.loads((calibration / "extrinsics.json").read_text())
         clouds, truth = read_capture(capture)
         names = [name for name, found in extrinsics["sensors"].items() if found["status"] != "failed"]
@@ -207,7 +180,7 @@ def main():
 
         def add(method, poses, seconds):
             rows.append({"sensor": sensor, "seed": seed, "method": method, "sensors": len(names),
-                         "seconds": seconds, **errors(poses, true, seen)})
+                         "seconds": seconds, **errors_of(poses, true, seen)})
 
         add("initial", initial, 0.0)
         add("volalign", refined, timings["placement"] + timings["refinement"])

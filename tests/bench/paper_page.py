@@ -15,7 +15,8 @@ import re
 import statistics
 import sys
 
-from claims import CLAIMS, interval, table
+from claims import CLAIMS, interval
+from common import table
 
 METHODS = [("5, arc", "table5", 0), ("6, cameras_6_8", "table6", 0), ("6, cameras_4", "table6", 1)]
 ARRAYS = {"table2": ["array_165"], "table3": ["array_165", "array_200"], "table4": ["array_165", "array_200", "array_235"], "table4_level": ["array_level"]}

@@ -1,0 +1,23 @@
+"""What the scripts of this folder have in common."""
+
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests"))
+KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
+
+
+def run(*command):
+    """What a command prints, which may end with 2: a sensor has failed."""
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 2):
+        sys.exit(f"{' '.join(map(str, command))}\n{done.stderr}")
+    return done.stdout
+
+
+def table(heading, rows):
+    """Markdown."""
+    lines = ["| " + " | ".join(map(str, row)) + " |" for row in [heading, *rows]]
+    return "\n".join([lines[0], "|" + "---|" * len(heading), *lines[1:]])
