@@ -21,7 +21,6 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/core/base/terminal.h"
 
 namespace volalign::dataset_test {
 namespace {
@@ -131,17 +130,6 @@ TEST(Dataset, FilesDoNotDependOnThreadsOrInterruptions) {
   fs::remove_all(parts / "000002");
   EXPECT_EQ(WriteDataset(parts.path(), Context(), Options(30)).found, 11u);
   ExpectSameFiles(one.path(), parts.path());
-}
-
-TEST(Dataset, SaysOnATerminalHowFarItIs) {
-  const TempFolder folder;
-  WriteDataset(folder.path(), Context(), Options(99));
-  DatasetOptions options = Options(100);
-  options.progress = true;
-  Terminal terminal;
-  WriteDataset(folder.path(), Context(), options);
-  const std::string seen = terminal.Seen();
-  EXPECT_TRUE(Has(seen, "samples, 99 of 100 ..."));
 }
 
 // The process is killed in the middle, as a cluster does it; the rows that it leaves name complete

@@ -161,10 +161,6 @@ TEST_F(NoiseTest, HexagonKeepsItsShapeAtHalfSize) {
   }
   EXPECT_NEAR(first, 93, 6);
   EXPECT_GT(middle, 150);
-  const NoisyView open = Spoil(scene, k, "kinect_v2", 3);
-  int corner = 0;
-  for (int u = 0; u < 20; ++u) corner += open.depth(u, 2) > 0;
-  EXPECT_GT(corner, 15);
 }
 
 // z = f B / d with f B = 51.9 px m: a band of f B / z px at the left is not seen by both cameras.
@@ -561,14 +557,14 @@ TEST_F(NoiseTest, EachRealSenseHasItsOwnBaseline) {
 
 // The corners of a wall: dark in the narrow modes, whose pictures are not square.
 TEST_F(NoiseTest, TheHexagonIsThatOfTheNarrowModes) {
-  for (const std::string sensor : {"azure_kinect", "orbbec_femto_bolt"}) {
+  for (const std::string sensor : {"azure_kinect", "orbbec_femto_bolt", "kinect_v2"}) {
     for (const int height : {288, 320}) {
       const Intrinsics k = CentredCamera(320, height, 250);
       const WallScene scene = MakeWall(2.0, 0, k);
       const NoisyView noisy = Spoil(scene, k, sensor, 0);
       int measured = 0;
       for (const auto [u, v] : Pixels(20, 20)) measured += noisy.depth(u, v) > 0;
-      EXPECT_EQ(measured > 200, height == 320) << sensor << " " << measured;
+      EXPECT_EQ(measured > 200, height == 320 || sensor == "kinect_v2") << sensor << measured;
     }
   }
 }

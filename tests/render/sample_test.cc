@@ -208,18 +208,6 @@ TEST_F(SampleTest, ASensorIsDrawnAmongThoseThatHaveTheAspectRatio) {
   EXPECT_EQ(pairs, expected);
 }
 
-TEST_F(SampleTest, SamplesWithoutTheStructureAreBackground) {
-  SampleConfig config = SmallConfig();
-  config.scene.structure_probability = 0;
-  const SampleContext context = MakeSampleContext(config, 4);
-  const Sample sample = Synthesize(context, renderer_, 5, 0);
-  EXPECT_EQ(std::count(sample.labels.begin(), sample.labels.end(), 0),
-            static_cast<long>(sample.labels.size()));
-  EXPECT_GT(std::count_if(sample.depth_clean.begin(), sample.depth_clean.end(),
-                          [](float z) { return z > 0; }),
-            static_cast<long>(sample.labels.size() / 2));
-}
-
 TEST(SampleContextTest, NamesWhatIsWrong) {
   const auto message = [](const SampleConfig& config) {
     return ExpectError<ConfigError>([&] { MakeSampleContext(config, 4); });

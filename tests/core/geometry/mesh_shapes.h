@@ -128,16 +128,19 @@ inline Shape Centred(Shape shape) {
   return shape;
 }
 
+/// Of one part.
+inline Shape OnePart(const std::string& name, const std::vector<Solid>& solids) {
+  return Centred({name, {Joined(name, solids)}});
+}
+
 inline Shape Ell() {
-  return Centred(
-      {"ell",
-       {Joined("ell",
-               {Extruded(2, {{0, 0}, {0.9, 0}, {0.9, 0.3}, {0.35, 0.3}, {0.35, 0.8}, {0, 0.8}}, 0,
-                         0.5)})}});
+  return OnePart(
+      "ell",
+      {Extruded(2, {{0, 0}, {0.9, 0}, {0.9, 0.3}, {0.35, 0.3}, {0.35, 0.8}, {0, 0.8}}, 0, 0.5)});
 }
 
 inline Shape Wedge() {
-  return Centred({"wedge", {Joined("wedge", {Extruded(2, {{0, 0}, {0.8, 0}, {0, 0.6}}, 0, 0.5)})}});
+  return OnePart("wedge", {Extruded(2, {{0, 0}, {0.8, 0}, {0, 0.6}}, 0, 0.5)});
 }
 
 /// It looks the same after half a turn.
@@ -146,7 +149,7 @@ inline Shape Table() {
   for (const double x : {-0.53, 0.53})
     for (const double z : {-0.28, 0.28})
       solids.push_back(Cuboid({x - 0.03, 0, z - 0.03}, {x + 0.03, 0.71, z + 0.03}));
-  return Centred({"table", {Joined("table", solids)}});
+  return OnePart("table", solids);
 }
 
 inline Shape Shelf() {
@@ -155,21 +158,16 @@ inline Shape Shelf() {
                             Cuboid({-0.195, 0, -0.4}, {-0.175, 1.6, 0.4})};
   for (const double y : {0.06, 0.5, 0.95, 1.4})
     solids.push_back(Cuboid({-0.175, y, -0.36}, {0.175, y + 0.04, 0.36}));
-  return Centred({"shelf", {Joined("shelf", solids)}});
+  return OnePart("shelf", solids);
 }
 
 inline Shape Stool() {
-  return Centred({"stool",
-                  {Joined("stool", {Extruded(2,
-                                             {{0, 0},
-                                              {0.75, 0},
-                                              {0.75, 0.25},
-                                              {0.5, 0.25},
-                                              {0.5, 0.5},
-                                              {0.25, 0.5},
-                                              {0.25, 0.75},
-                                              {0, 0.75}},
-                                             0, 0.45)})}});
+  std::vector<Vector2d> steps{{0, 0}, {0.75, 0}};
+  for (const double x : {0.75, 0.5, 0.25}) {
+    steps.emplace_back(x, 1 - x);
+    steps.emplace_back(x - 0.25, 1 - x);
+  }
+  return OnePart("stool", {Extruded(2, steps, 0, 0.45)});
 }
 
 /// With rounded upper edges, a round chimney, and a box at its front.
@@ -184,10 +182,9 @@ inline Shape Housing() {
                            kHeight - kRadius + kRadius * std::sin(a));
     }
   }
-  return Centred({"housing",
-                  {Joined("housing", {Extruded(2, profile, 0, 0.7),
-                                      Cylinder({0.3, kHeight, 0.25}, 0.1, 0.4, 32),
-                                      Cuboid({kWidth, 0.25, 0.1}, {kWidth + 0.2, 0.6, 0.4})})}});
+  return OnePart("housing",
+                 {Extruded(2, profile, 0, 0.7), Cylinder({0.3, kHeight, 0.25}, 0.1, 0.4, 32),
+                  Cuboid({kWidth, 0.25, 0.1}, {kWidth + 0.2, 0.6, 0.4})});
 }
 
 /// Each box is a part.
@@ -215,20 +212,17 @@ inline Shape Stack() {
 }
 
 inline Shape Lectern() {
-  return Centred(
-      {"lectern",
-       {Joined(
-           "lectern",
-           {Cuboid({-0.3, 0, -0.25}, {0.3, 0.05, 0.25}),
-            Extruded(2, {{-0.15, 0.05}, {0.15, 0.05}, {0.15, 0.9}, {-0.15, 1.05}}, -0.15, 0.15),
-            Extruded(2, {{0.35, 0.8}, {0.35, 0.85}, {-0.25, 1.15}, {-0.25, 1.1}}, -0.3, 0.3)})}});
+  return OnePart(
+      "lectern",
+      {Cuboid({-0.3, 0, -0.25}, {0.3, 0.05, 0.25}),
+       Extruded(2, {{-0.15, 0.05}, {0.15, 0.05}, {0.15, 0.9}, {-0.15, 1.05}}, -0.15, 0.15),
+       Extruded(2, {{0.35, 0.8}, {0.35, 0.85}, {-0.25, 1.15}, {-0.25, 1.1}}, -0.3, 0.3)});
 }
 
 inline Shape StackAndCylinder() {
-  return Centred({"stack_and_cylinder",
-                  {Joined("all", {Cuboid({-0.3, 0, -0.25}, {0.3, 0.4, 0.25}),
-                                  Cuboid({-0.3, 0.4, -0.25}, {0.1, 0.75, 0.05}),
-                                  Cylinder({0.15, 0, 0.5}, 0.14, 0.6, 40)})}});
+  return OnePart("stack_and_cylinder", {Cuboid({-0.3, 0, -0.25}, {0.3, 0.4, 0.25}),
+                                        Cuboid({-0.3, 0.4, -0.25}, {0.1, 0.75, 0.05}),
+                                        Cylinder({0.15, 0, 0.5}, 0.14, 0.6, 40)});
 }
 
 /// 0.4 to 1.6 m.

@@ -241,46 +241,23 @@ TEST_P(LensPictureTest, ALensWithoutEffectShowsThePinholePicture) {
   EXPECT_LE(differ, 10);  // rays that pass an edge within rounding
 }
 
-TEST_P(DepthRendererTest, OverhangFromBelowIsSolidBackground) {
-  const Structure structure = ReadStructure("configs/structure.yaml");
+TEST_P(LensPictureTest, NothingIsSeenWhereTheLensHasNoRay) {
+  const Intrinsics k{160, 144, 126, 126, 79, 72, {-0.5, 0, 0, 0}};
+  const RayTable rays = ComputeRays(k);
   SceneMesh mesh;
-  mesh.AppendStructure(structure);
-  const Intrinsics k{160, 120, 150, 150, 79.5, 59.5, {}};
-  // The part of mid_top's bottom that nothing covers: x in [-505, -280], y = 0; the camera is
-  // straight in front of its centre.
-  const Pose pose = LookAt({-1.1, -0.7, 0}, {-0.3925, 0, 0}, 0);
+  mesh.AppendQuad({Eigen::Vector3d(-9, -9, 2), Eigen::Vector3d(9, -9, 2), Eigen::Vector3d(9, 9, 2),
+                   Eigen::Vector3d(-9, 9, 2)},
+                  -Eigen::Vector3d::UnitZ(), 3);
   RenderedView view;
-  renderer_.Render(mesh, k, pose, &view);
-  const Hit hit = Cast(structure, pose, {0.5F / 150, 0.5F / 150});
-  ASSERT_EQ(structure.sides().at(static_cast<std::size_t>(hit.side)).name, "mid_top/down");
-  EXPECT_NEAR(view.depth(80, 60), hit.depth, 1e-4);
-  EXPECT_EQ(view.labels(80, 60), 0);
-  EXPECT_GT(view.faces(80, 60), 0);
-}
-
-TEST_P(DepthRendererTest, FloorDepthHasClosedForm) {
-  SceneMesh mesh;
-  mesh.AppendQuad({Eigen::Vector3d(-50, -0.81, -50), Eigen::Vector3d(50, -0.81, -50),
-                   Eigen::Vector3d(50, -0.81, 50), Eigen::Vector3d(-50, -0.81, 50)},
-                  Eigen::Vector3d::UnitY(), 5);
-  const Intrinsics k{64, 48, 40, 42, 30.25, 20.75, {}};
-  // Level, looking along +z: image rows below the principal point meet the floor at z = h fy / (v -
-  // cy).
-  Pose pose = Pose::Identity();
-  pose.linear() << -1, 0, 0, 0, -1, 0, 0, 0, 1;
-  pose.translation() = Eigen::Vector3d(0.3, 0.39, -1);
-  RenderedView view;
-  renderer_.Render(mesh, k, pose, &view);
+  renderer_.Render(mesh, k, Pose::Identity(), &view);
+  int without = 0;
   for (const auto [u, v] : Pixels(k.width, k.height)) {
-    if (v < 21) {
-      EXPECT_EQ(view.depth(u, v), 0);
-      EXPECT_EQ(view.labels(u, v), 0);
-    } else if (v > 22) {
-      const double z = 1.2 * k.fy / (v - k.cy);
-      EXPECT_NEAR(view.depth(u, v), z, 2e-6 * z);
-      EXPECT_EQ(view.labels(u, v), 5);
-    }
+    const bool has_ray = rays.at(u, v).allFinite();
+    ASSERT_EQ(view.labels(u, v), has_ray ? 3 : 0) << u << " " << v;
+    ASSERT_NEAR(view.depth(u, v), has_ray ? 2 : 0, 1e-6);
+    without += !has_ray;
   }
+  EXPECT_GT(without, 1000);
 }
 
 TEST_P(DepthRendererTest, FacesBehindTheCameraAreClipped) {
@@ -298,30 +275,6 @@ TEST_P(DepthRendererTest, FacesBehindTheCameraAreClipped) {
   EXPECT_NEAR(view.depth(20, 20), 1.75, 1e-5);
   EXPECT_NEAR(view.depth(20, 40), 30.0 / 20, 1e-5);
   EXPECT_EQ(view.depth(0, 0), 0);
-}
-
-TEST_P(DepthRendererTest, RoundBodiesLieWithinTheirChords) {
-  SceneMesh mesh;
-  constexpr int kSegments = 24;
-  mesh.AppendSphere(Eigen::Vector3d(0, 0, 2), 0.5, kSegments);
-  // Off the axis, or half of the edges would pass through the centres of pixels.
-  const Intrinsics k{81, 81, 100, 100, 40.2, 39.9, {}};
-  RenderedView view;
-  renderer_.Render(mesh, k, Pose::Identity(), &view);
-  int inside = 0;
-  for (const auto [u, v] : Pixels(k.width, k.height)) {
-    const double x = (u - k.cx) / k.fx, y = (v - k.cy) / k.fy;
-    // |s (x, y, 1) - (0, 0, 2)| = 0.5
-    const double a = x * x + y * y + 1, discriminant = 4 - a * (4 - 0.25);
-    EXPECT_TRUE(discriminant >= 0 || view.depth(u, v) == 0);
-    if (discriminant < 0.1) continue;
-    ++inside;
-    const double z = (2 - std::sqrt(discriminant)) / a;
-    EXPECT_GE(view.depth(u, v), z - 1e-4);
-    EXPECT_LE(view.depth(u, v),
-              z + 0.16);  // two rings a hemisphere cap: 0.5 (1 - cos 22.5 deg), seen aslant
-  }
-  EXPECT_GT(inside, 500);
 }
 
 TEST_P(DepthRendererTest, RejectsWhatItCannotDraw) {
@@ -356,10 +309,6 @@ TEST(EglContextTest, ALostContextIsAnError) {
   ExpectError<Error>(draw, {"reset", "the renderer cpu"});
   epoxy_glGetError = real;
   draw();
-}
-
-TEST(EglContextTest, DeviceThatDoesNotExistIsAnError) {
-  EXPECT_THROW(EglContext({/*device=*/1000}), IoError);
 }
 
 // Another thread may be reading the environment.

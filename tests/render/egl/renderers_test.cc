@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <memory>
-
 #include "core/base/error.h"
 #include "render/egl/gl_depth_renderer.h"
 #include "render/sample.h"
@@ -28,15 +26,6 @@ TEST(ChooseRenderersTest, AutoDoesWithoutOpenGl) {
   const EglContextOptions none{/*device=*/1000};
   EXPECT_EQ(ChooseRenderers("auto", none).name, "cpu");
   EXPECT_THROW(ChooseRenderers("egl", none), IoError);
-}
-
-TEST(ChooseRenderersTest, MakesWhatItSays) {
-  for (const char* name : {"egl", "cpu"}) {
-    const std::unique_ptr<DepthRenderer> renderer = ChooseRenderers(name).make();
-    RenderedView view;
-    renderer->Render(SceneMesh(), {8, 4, 5, 5, 3.5, 1.5, {}}, Pose::Identity(), &view);
-    EXPECT_EQ(view.depth.width(), 8);
-  }
 }
 
 /// Training samples of furnished rooms: of every sensor of the pool, with its lens.
