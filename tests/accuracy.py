@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""How accurate calibration is and how true its covariances are: one table, of one program or of two side by side.
+"""How accurate calibration is and how true its covariances are: a row for each family of frames, of one program or of two side by side.
 
     tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
     tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
 Needs NumPy; runs from the root of the project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
-After the table come the sensors without a pose, the wrong ones, and those whose status or error changed by more than 3 mm.
+After the table come real sensors, those without a pose, the wrong ones, and those whose status or error changed by more than 3 mm.
 
 Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the folder of frames that are not in the repository):
 - foreign: rigs of another simulator, with and without the network; true poses, after the best rigid motion
@@ -14,15 +14,11 @@ Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the
 - table: two sensors before cartons on a table; a relative pose from colour images, known to 3 to 5 cm and 0.4 deg
 - places: six sensors, a stack at four placements, and the rig irregular with one and four; true poses
 
-Four figures are median, 90th and 95th percentile and largest; two are median and largest. Columns:
-- in 1, 2 sigmas: percent of the six components of delta within one and two standard deviations
-- squares: delta^T C^-1 delta with the stated covariance C: mean, quantiles, percent beyond the 95 and 99 % quantiles of chi-square with six degrees
-  of freedom (12.6, 16.8). True covariances give a mean of 6, a median of 5.3, and 5 and 1 percent.
-- between, squares between: the same for the relative pose of every two sensors of a rig, with the covariance of their pair
-- RMS: of each sensor's points to the structure. clouds' RMS: of points that two sensors share. of predicted: this RMS over the pair's predicted_rms_m
+Columns: median, 95th percentile and largest error of the sensors that are not wrong, mm, or RMS of their points to the structure; percent of the six
+components of delta within one and two standard deviations; beside both, what they were.
 
---guard measures every family, prints one row per family, and compares it with the first program, or with the kept table tests/accuracy_kept.json if one
-program is given. --keep writes the kept table anew. The status is 1 if a family is worse by one of these:
+Each family is compared with the first program, or with the kept table tests/accuracy_kept.json if one program is given. --keep writes the kept table anew.
+--guard measures every family, and has the status 1 if one is worse by one of these:
 - its median or 95th percentile grows by more than 3 % (10 % for fewer than 40 sensors)
 - a sensor is lost, wrong, wrong and ok, or ambiguous that was not
 - the share of errors within one or two sigmas moves away from 68 or 95 % by more than 2 points (10 for fewer than 40 sensors)
@@ -47,7 +43,6 @@ KINDS = ["azure_kinect_nfov_binned", "realsense_d415"]
 ASSEMBLY = ["position_mm=3", "yaw_deg=0.5", "size_scale_percent=1"]  # standard deviations, as of training's stacks
 GOLDEN_ANGLE_DEG = 137.50776405003785  # between seeds, as in volalign evaluate
 WRONG_M, WRONG_DEG = 0.1, 10
-CHI6_95, CHI6_99 = 12.592, 16.812  # quantiles of chi-square with 6 degrees of freedom
 
 
 # Poses are 4 x 4, structure_from_sensor.
@@ -133,15 +128,13 @@ def truth_of(capture):
 
 
 def measure(result, set_name, capture, extrinsics, truths, align=False):
-    """Adds a row of every sensor ("sensors"), of every pair of sensors that are not wrong ("pairs"), and of every pair whose
-    clouds overlap ("clouds")."""
+    """Adds a row of every sensor ("sensors"), and of every pair whose clouds overlap ("clouds")."""
     where = {"set": set_name, "capture": capture}
     poses = {name: np.array(s["structure_from_sensor"]) for name, s in extrinsics["sensors"].items() if "structure_from_sensor" in s}
     known = [name for name in poses if name in truths]
     if align and known:
         back = np.linalg.inv(best_motion([poses[n] for n in known], [truths[n] for n in known]))
         truths = {name: back @ truth for name, truth in truths.items()}
-    covariances = {}
     for name, found in extrinsics["sensors"].items():
         row = dict(where, sensor=name, status=found["status"], code=found.get("code", ""), source=found.get("initial_source", ""),
                    placed=name in poses)
@@ -154,21 +147,10 @@ def measure(result, set_name, capture, extrinsics, truths, align=False):
         error = errors(poses[name], truths[name])
         row.update(mm=1000 * error[0], deg=error[1], wrong=is_wrong(error))
         if not row["wrong"] and "covariance" in found:
-            covariances[name] = np.array(found["covariance"])
-            delta = difference(poses[name], truths[name])
-            row["sigmas"] = list(delta / np.sqrt(np.diag(covariances[name])))
-            row["square"] = delta @ np.linalg.solve(covariances[name], delta)
-    between = {(pair["a"], pair["b"]): np.array(pair["covariance"]) for pair in extrinsics["pairs"] if "covariance" in pair}
-    for a, b in itertools.combinations(covariances, 2):
-        # What moves both in common cancels out.
-        delta = difference(truths[a] @ np.linalg.inv(poses[a]), truths[b] @ np.linalg.inv(poses[b]))
-        error = errors(np.linalg.inv(poses[a]) @ poses[b], np.linalg.inv(truths[a]) @ truths[b])
-        result["pairs"].append(dict(where, a=a, b=b, mm=1000 * error[0], deg=error[1],
-                                    square=delta @ np.linalg.solve(between.get((a, b), covariances[a] + covariances[b]), delta)))
+            row["sigmas"] = list(difference(poses[name], truths[name]) / np.sqrt(np.diag(found["covariance"])))
     for pair in extrinsics["pairs"]:
         if "rms_m" in pair:
-            result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], overlap=pair["overlap"], rms_mm=1000 * pair["rms_m"],
-                                         of_predicted=pair["rms_m"] / pair.get("predicted_rms_m", np.nan)))
+            result["clouds"].append(dict(where, a=pair["a"], b=pair["b"], rms_mm=1000 * pair["rms_m"]))
 
 
 def foreign(program, captures, result, models=(True, False)):
@@ -263,7 +245,7 @@ def rendered(program, renderer, result, noise):
                 truth_of(folder / "capture.json"))
 
 
-# The guard.
+# Families.
 
 KEPT = pathlib.Path("tests/accuracy_kept.json")
 
@@ -317,8 +299,6 @@ def guard(results, options):
     return worse
 
 
-# The table.
-
 def of(rows, key):
     return [row[key] for row in rows if key in row]
 
@@ -328,53 +308,8 @@ def quantiles(values, at=(0.5, 0.9, 0.95, 1), digits=1):
     return " / ".join(f"{np.quantile(values, q):.{digits}f}" for q in at) if values else "-"
 
 
-def percent(flags):
-    return f"{100 * np.mean(flags):.0f}" if np.size(flags) else "-"
-
-
-def squares(values):
-    beyond = ", ".join(percent(np.array(values) > limit) for limit in (CHI6_95, CHI6_99))
-    return f"{np.mean(values):.1f}; {quantiles(values)}; {beyond}" if values else "-"
-
-
-COLUMNS = ["placed", "weak", "wrong", "position, mm", "rotation, deg", "% in 1, 2 sigmas", "squares", "between, mm",
-           "squares between", "RMS, mm", "clouds' RMS, mm", "of predicted", "sigma, mm"]
-
-
-def cells(rows):
-    sensors, pairs, clouds = (rows[key] for key in ("sensors", "pairs", "clouds"))
-    right = [row for row in sensors if not row.get("wrong")]
-    sigmas = np.abs(of(right, "sigmas"))
-    return [f"{sum(of(sensors, 'placed'))} of {len(sensors)}", str(of(sensors, "status").count("weak")), str(sum(of(sensors, "wrong"))),
-            quantiles(of(right, "mm")), quantiles(of(right, "deg"), digits=2), f"{percent(sigmas < 1)}, {percent(sigmas < 2)}",
-            squares(of(right, "square")), quantiles(of(pairs, "mm")), squares(of(pairs, "square")),
-            quantiles(of(right, "rms_mm"), (0.5, 1)), f"{quantiles(of(clouds, 'rms_mm'), (0.5, 1))} ({len(clouds)})",
-            quantiles(of(clouds, "of_predicted"), (0.05, 0.5, 0.95), digits=2),
-            quantiles(of(right, "sigma_mm"), (0.5, 1))]
-
-
-def table_of(result):
-    """The cells of every set, and below it of its parts."""
-    table = {}
-    for name in dict.fromkeys(of(result["sensors"], "set")):
-        rows = {key: [row for row in rows if row["set"] == name] for key, rows in result.items()}
-        table[name] = cells(rows)
-        for key in ("capture",) if name.startswith("foreign") else ("status", "source", "code") if name.startswith(("rendered", "physics")) else ():
-            for value in sorted(set(of(rows["sensors"], key)) - {""}):
-                table[f"{name}: {key} {value}"] = cells({of_what: [row for row in some if row.get(key) == value] for of_what, some in rows.items()})
-    return table
-
-
-def print_table(results):
-    tables = [table_of(result) for result in results]
-    print("| set | program |", " | ".join(COLUMNS), "|\n" + "|---" * (len(COLUMNS) + 2) + "|")
-    for name in dict.fromkeys(itertools.chain(*tables)):
-        for number, table in enumerate(tables, 1):
-            print(f"| {name} | {number} |", " | ".join(table.get(name, ["-"] * len(COLUMNS))), "|")
-
-
 def text_of(row):
-    numbers = (("mm", "mm"), ("deg", "deg"), ("square", "squared sigmas"), ("rms_mm", "mm RMS"), ("sigma_mm", "mm sigma"))
+    numbers = (("mm", "mm"), ("deg", "deg"), ("rms_mm", "mm RMS"), ("sigma_mm", "mm sigma"))
     return f"{row['status']} {row['code']}" + "".join(f", {row[key]:.1f} {word}" for key, word in numbers if key in row)
 
 
@@ -382,9 +317,9 @@ def print_sensors(results):
     """Single sensors: the real ones, those without a pose, the wrong ones; and where two programs differ."""
     by_sensor = [{" ".join((row["set"], row["capture"], row["sensor"])): row for row in result["sensors"]} for result in results]
     for number, rows in enumerate(by_sensor, 1):
-        print(f"\nProgram {number}: real sensors, sensors without a pose, wrong ones, and squares above 40")
+        print(f"\nProgram {number}: real sensors, sensors without a pose, and wrong ones")
         for name, row in rows.items():
-            if row["set"].startswith("real") or not row["placed"] or row.get("wrong") or row.get("square", 0) > 40:
+            if row["set"].startswith("real") or not row["placed"] or row.get("wrong"):
                 print(f"- {name}: {text_of(row)}")
     if len(results) == 2:
         print("\nWhere status, code or, by 3 mm, the error differs")
@@ -407,7 +342,7 @@ def main():
     parser.add_argument("--guard", action="store_true", help="all families, compared with the first program or with the kept table")
     parser.add_argument("--quick", action="store_true", help="with --guard: fewer frames, about 5 minutes")
     parser.add_argument("--keep", action="store_true", help="with --guard: write the kept table anew")
-    parser.add_argument("--json", type=pathlib.Path, help="file for the figures of every sensor and pair")
+    parser.add_argument("--json", type=pathlib.Path, help="file for the figures of every sensor")
     options = parser.parse_args()
     if options.guard:
         options.parts, options.rigs = "foreign,real,table,places,rendered,physics", 2 if options.quick else 16
@@ -418,7 +353,7 @@ def main():
         parts = [part for part in parts if part in ("rendered", "physics")]
     options.work = options.work.resolve()
     programs = [Program(path, options) for path in options.programs]
-    results = [{"sensors": [], "pairs": [], "clouds": []} for _ in programs]
+    results = [{"sensors": [], "clouds": []} for _ in programs]
     for program, result in zip(programs, results):
         if "foreign" in parts:
             foreign(program, captures, result, (False,) if options.guard and options.quick else (True, False))
@@ -436,12 +371,11 @@ def main():
             rendered(program, programs[0], result, "physics")
     for number, path in enumerate(options.programs, 1):
         print(f"Program {number}: {path}")
-    if options.guard:
-        return guard(results, options)
-    print_table(results)
+    worse = guard(results, options)
     print_sensors(results)
     if options.json:
         options.json.write_text(json.dumps({"programs": options.programs, "results": results}, indent=1))
+    return options.guard and worse
 
 
 if __name__ == "__main__":

@@ -18,8 +18,9 @@ import time
 
 import numpy
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-sys.path.insert(0, os.path.join(ROOT, "tests", "cli"))
+from common import ROOT
+from grey_png import read_png
+
 THREADS = 2
 # Threads that wait for each other sleep, as in the tests: where other programs run, those that spin took three to six times as long.
 ENVIRONMENT = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
@@ -64,14 +65,12 @@ def run_here(model, rounds, paths):
 
 
 def make_frames(program, folder):
-    from deployment import read_png
-
     subprocess.run([program, "render", "--rig", "configs/rig_ring8.yaml", "-o", folder + "/capture"], cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
     with open(folder + "/capture/capture.json", encoding="utf-8") as file:
         sensors = json.load(file)["sensors"]
     by_size = {}
     for sensor in sensors:
-        depth = read_png(os.path.join(folder, "capture", sensor["depth"]))[1::2, 1::2].astype("<f4") / 1000
+        depth = numpy.array(read_png(os.path.join(folder, "capture", sensor["depth"])))[1::2, 1::2].astype("<f4") / 1000
         by_size.setdefault(f"{depth.shape[1]}x{depth.shape[0]}", []).append(depth)
     paths = []
     for size, depths in by_size.items():

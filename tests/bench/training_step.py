@@ -7,16 +7,11 @@
 Every contestant is a process that waits until it is told to take a step; they take turns, so that other work on the machine falls on all
 alike, and the smallest time of each counts. Precisions, layouts, widths, threads: comma-separated lists, of which every combination is
 measured. Run it from the repository's root.
-
-With --processor-time a step's time is the processor time of its busiest thread, threads waiting without using any. That is what the step
-would take if nothing else ran, but for the moments in which all threads wait; other work on the machine matters little.
 """
 
 import argparse
 import itertools
 import json
-import os
-import pathlib
 import subprocess
 import sys
 
@@ -24,30 +19,20 @@ PARTS = ["forward", "loss", "backward", "optimiser"]
 
 
 class Contestant:
-    def __init__(self, name, command, processor_time):
-        self.name, self.best, self.parts, self.processor_time = name, float("inf"), None, processor_time
-        environment = dict(os.environ, OMP_WAIT_POLICY="passive") if processor_time else None
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment)
+    def __init__(self, name, command):
+        self.name, self.best, self.parts = name, float("inf"), None
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.version = self.process.stdout.readline().strip()
         if not self.version:
             raise SystemExit(f"{name} did not start: {' '.join(command)}")
 
-    def thread_seconds(self):
-        """Processor time of each thread so far."""
-        tasks = pathlib.Path(f"/proc/{self.process.pid}/task").iterdir()
-        return {task.name: 1e-9 * int((task / "schedstat").read_text().split()[0]) for task in tasks}
-
     def step(self, count):
-        before = self.thread_seconds()
         self.process.stdin.write("\n")
         self.process.stdin.flush()
         line = self.process.stdout.readline().split()
         if len(line) < len(PARTS):
             raise SystemExit(f"{self.name} stopped")
         seconds = [float(x) for x in line[: len(PARTS)]]
-        if self.processor_time:
-            busiest = max(after - before.get(thread, 0) for thread, after in self.thread_seconds().items())
-            seconds = [busiest * x / sum(seconds) for x in seconds]
         if count and sum(seconds) < self.best:
             self.best, self.parts = sum(seconds), seconds
 
@@ -62,13 +47,13 @@ def contestants(args, width, threads, precision, layout):
         command = [path, f"model.base_channels={width}", f"run.threads={threads}", f"run.precision={precision}",
                    f"run.channels_last={'true' if layout == 'channels_last' else 'false'}", f"run.batch_size={args.batch}", f"size={args.size}",
                    f"model.normalization={args.normalization}", "loss.procrustes=false"]
-        yield Contestant(label or "volalign", command, args.processor_time)
+        yield Contestant(label or "volalign", command)
         if args.geometric_loss:
-            yield Contestant((label or "volalign") + " with the geometric loss", command[:-1], args.processor_time)
+            yield Contestant((label or "volalign") + " with the geometric loss", command[:-1])
     for python in args.python:
         command = [python, "tests/bench/eager_network.py", "--width", str(width), "--threads", str(threads), "--precision", precision,
                    "--layout", layout, "--batch", str(args.batch), "--size", args.size, "--normalization", args.normalization]
-        contestant = Contestant("", command, args.processor_time)
+        contestant = Contestant("", command)
         contestant.name = f"PyTorch {contestant.version} eager"
         yield contestant
 
@@ -86,7 +71,6 @@ def main():
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--rounds", type=int, default=12)
     parser.add_argument("--geometric-loss", action="store_true")
-    parser.add_argument("--processor-time", action="store_true")
     parser.add_argument("--json")
     args = parser.parse_args()
     rows = []

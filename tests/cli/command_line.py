@@ -227,16 +227,6 @@ class CommandLine(InAFolder):
         os.rename(self.path("mine/configs"), self.path("configs"))
         self.expect("structure show configs/structure.yaml", 0, "mine: 1 box,")
 
-    def test_an_installed_program_finds_its_data(self):
-        os.makedirs(self.path("bin"))
-        share = self.path("share", "volalign")
-        shutil.copytree(os.path.join(ROOT, "configs"), os.path.join(share, "configs"))
-        shutil.copy(PROGRAM, self.path("bin"))
-        status, output = self.run_line("cd / && ~-/bin/volalign doctor")
-        self.assertEqual(status, 2, output)  # the model was not installed
-        for part in (share, "MISSING"):
-            self.assertIn(part, output)
-
     def test_config_show(self):
         self.expect("config show configs/rig_ring8.yaml --set seed=3", 0, "seed: 3", "device_errors:")
         self.expect("config show configs/m05-lite.yaml", 0, "loss:")

@@ -43,15 +43,8 @@ class Installed(unittest.TestCase):
 
     def volalign(self, *arguments, status=0):
         environment = {key: value for key, value in os.environ.items() if key != "VOLALIGN_DATA_DIR"}
-        done = subprocess.run(
-            self.hide + [os.path.join(self.prefix, "bin", "volalign"), *arguments],
-            cwd=self.work,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            check=False,
-        )
+        command = self.hide + [os.path.join(self.prefix, "bin", "volalign"), *arguments]
+        done = subprocess.run(command, cwd=self.work, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
         self.assertEqual(done.returncode, status, done.stdout)
         return done.stdout
 

@@ -60,29 +60,12 @@ def kinect_calibration(parameters):
     """The device's raw calibration, with the keys that its memory has."""
 
     def camera(purpose, location, numbers):
-        return {
-            "Intrinsics": {
-                "ModelParameterCount": 14,
-                "ModelParameters": numbers,
-                "ModelType": "CALIBRATION_LensDistortionModelBrownConrady",
-            },
-            "Location": location,
-            "Purpose": purpose,
-            "MetricRadius": 1.74,
-            "SensorWidth": 1024,
-            "SensorHeight": 1024,
-        }
+        intrinsics = {"ModelParameterCount": 14, "ModelParameters": numbers, "ModelType": "CALIBRATION_LensDistortionModelBrownConrady"}
+        return {"Intrinsics": intrinsics, "Location": location, "Purpose": purpose, "MetricRadius": 1.74, "SensorWidth": 1024, "SensorHeight": 1024}
 
-    return json.dumps(
-        {
-            "CalibrationInformation": {
-                "Cameras": [
-                    camera("CALIBRATION_CameraPurposePhotoVideo", "CALIBRATION_CameraLocationPV0", [0.5] * 10 + [0] * 4),
-                    camera("CALIBRATION_CameraPurposeDepth", "CALIBRATION_CameraLocationD0", parameters),
-                ]
-            }
-        }
-    )
+    cameras = [camera("CALIBRATION_CameraPurposePhotoVideo", "CALIBRATION_CameraLocationPV0", [0.5] * 10 + [0] * 4),
+               camera("CALIBRATION_CameraPurposeDepth", "CALIBRATION_CameraLocationD0", parameters)]
+    return json.dumps({"CalibrationInformation": {"Cameras": cameras}})
 
 
 def record_mkv(path, frames, parameters, serial="000123492812"):
@@ -110,12 +93,8 @@ def main():
     folder = sys.argv[1]
     os.makedirs(folder, exist_ok=True)
     v, u = np.mgrid[0:48, 0:64]
-    record_bag(
-        os.path.join(folder, "realsense.bag"),
-        [(10000 + 100 * i + 64 * v + u).astype(np.uint16) for i in range(3)],
-        (47.5, 47.25, 31.5, 23.75),
-        unit=0.0001,
-    )
+    frames = [(10000 + 100 * i + 64 * v + u).astype(np.uint16) for i in range(3)]
+    record_bag(os.path.join(folder, "realsense.bag"), frames, (47.5, 47.25, 31.5, 23.75), unit=0.0001)
     v, u = np.mgrid[0:288, 0:320]
     parameters = [0.5078, 0.5117, 0.4927, 0.4928, 0.92185, 0.5004, 0.02836, 1.25842, 0.75181, 0.14419, 0, 0, -0.0001, 0.0002]
     record_mkv(os.path.join(folder, "kinect.mkv"), [(1000 + 4 * v + u).astype(np.uint16)], parameters)
