@@ -108,17 +108,6 @@ TEST_F(ImageIo, PngRoundTrip) {
   }
 }
 
-TEST_F(ImageIo, PgmRoundTrip) {
-  const auto depth = Noise<std::uint16_t>(31, 17, 65535);
-  WritePgm(folder_ / "a.pgm", depth);
-  EXPECT_EQ(ReadDepthFile(folder_ / "a.pgm"), depth);
-}
-
-TEST_F(ImageIo, PgmIsBigEndian) {
-  WriteFileAtomically(folder_ / "a.pgm", std::string("P5\n2 1\n65535\n\x01\x02\xff\xfe", 17));
-  EXPECT_EQ(ReadDepthFile(folder_ / "a.pgm"), Expected(2, 1, {0x0102, 0xfffe}));
-}
-
 TEST_F(ImageIo, ReadsAsciiPgmWithComments) {
   EXPECT_EQ(ReadDepthFile(File("P2\n3 2\n4000\n0 1 2\n3 4 4000\n")),
             Expected(3, 2, {0, 1, 2, 3, 4, 4000}));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -17,6 +18,7 @@
 #include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
 #include "tests/core/base/pixels.h"
+#include "tests/core/geometry/mesh_shapes.h"
 
 namespace volalign::visibility_test {
 namespace {
@@ -50,34 +52,29 @@ struct Triangle {
   int label = 0;
 };
 
-/// Two triangles a side, from the boxes' corners alone: which corners form a side is told from the
+/// Two triangles a side, from the boxes' corners alone. Which side they form is told from the
 /// definition of the faces (front +x, back -x, up +y, down -y, right +z, left -z).
 std::vector<Triangle> Triangles(const Structure& structure) {
+  const char* const names[3][2] = {{"back", "front"}, {"down", "up"}, {"left", "right"}};
+  const std::vector<std::string> labels = structure.SideNames();
   std::vector<Triangle> triangles;
   for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
     const Box& box = structure.boxes()[b];
-    const char* names[3][2] = {{"back", "front"}, {"down", "up"}, {"left", "right"}};
-    for (int axis = 0; axis < 3; ++axis) {
-      for (int positive = 0; positive < 2; ++positive) {
-        std::array<Vector3d, 4> corners;
-        const int a = (axis + 1) % 3, c = (axis + 2) % 3;
-        for (int i = 0; i < 4; ++i) {
-          Vector3d local;
-          local[axis] = (positive ? 0.5 : -0.5) * box.size[axis];
-          local[a] = ((i == 1 || i == 2) ? 0.5 : -0.5) * box.size[a];
-          local[c] = (i >= 2 ? 0.5 : -0.5) * box.size[c];
-          corners[static_cast<std::size_t>(i)] =
-              box.structure_from_box.linear() * local + box.structure_from_box.translation();
-        }
-        int label = 0;
-        const auto names_of_labels = structure.SideNames();
-        for (std::size_t k = 0; k < names_of_labels.size(); ++k) {
-          if (names_of_labels[k] == box.name + "/" + names[axis][positive])
-            label = static_cast<int>(k) + 1;
-        }
-        triangles.push_back({{corners[0], corners[1], corners[2]}, static_cast<int>(b), label});
-        triangles.push_back({{corners[0], corners[2], corners[3]}, static_cast<int>(b), label});
+    const mesh_shapes::Solid solid = mesh_shapes::Cuboid(-box.size / 2, box.size / 2);
+    for (const auto& corners : solid.triangles) {
+      Triangle& triangle = triangles.emplace_back();
+      triangle.box = static_cast<int>(b);
+      Vector3d middle = Vector3d::Zero();
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Vector3d& corner = solid.vertices[static_cast<std::size_t>(corners[k])];
+        middle += corner.cwiseQuotient(box.size);
+        triangle.p[k] = box.structure_from_box * corner;
       }
+      int axis = 0;
+      middle.cwiseAbs().maxCoeff(&axis);
+      const std::string side = box.name + "/" + names[axis][middle[axis] > 0];
+      const auto label = std::find(labels.begin(), labels.end(), side);
+      if (label != labels.end()) triangle.label = static_cast<int>(label - labels.begin()) + 1;
     }
   }
   return triangles;
@@ -155,12 +152,8 @@ TEST(CastRay, ClosedForms) {
                         : box.sides()[static_cast<std::size_t>(hit.side)].name;
   };
   // Along the axes, with zero components in the direction.
-  EXPECT_EQ(name(cast({5, 0, 0}, {-1, 0, 0})), "a/front");
-  EXPECT_EQ(name(cast({-5, 0, 0}, {1, 0, 0})), "a/back");
-  EXPECT_EQ(name(cast({0, 5, 0}, {0, -1, 0})), "a/up");
-  EXPECT_EQ(name(cast({0, -5, 0}, {0, 1, 0})), "a/down");
-  EXPECT_EQ(name(cast({0, 0, 5}, {0, 0, -1})), "a/right");
-  EXPECT_EQ(name(cast({0, 0, -5}, {0, 0, 1})), "a/left");
+  for (const Side& side : box.sides())
+    EXPECT_EQ(name(cast(5 * side.normal, -side.normal)), side.name);
   EXPECT_DOUBLE_EQ(cast({5, 0.2, 0}, {-2, 0, 0}).t, 2);
   EXPECT_EQ(name(cast({5, 0, 0}, {1, 0, 0})), "none");   // behind
   EXPECT_EQ(name(cast({5, 2, 0}, {-1, 0, 0})), "none");  // passes above, parallel to it

@@ -255,12 +255,6 @@ TEST(ParseStrictJson, LimitsValues) {
   ExpectError<DataError>([&] { ParseStrictJson(many + "]", "a.json"); }, {"4000000 values"});
 }
 
-TEST(ParseStrictJson, RefusesWhatIsNotStrict) {
-  ExpectError<DataError>([] { ParseStrictJson("{\"a\":1,\"a\":2}", "a.json"); }, {"twice"});
-  ExpectError<DataError>([] { ParseStrictJson("[null]", "a.json"); }, {"null"});
-  ExpectError<DataError>([] { ParseStrictJson("{", "a.json"); }, {"a.json: not valid JSON"});
-}
-
 // Messages quote values, keys and texts of the file, of whatever length.
 TEST(JsonObject, MessagesAreShort) {
   const std::string long_text(1000000, 'a');

@@ -7,9 +7,6 @@
 #include <torch/csrc/jit/api/module.h>
 #include <torch/csrc/jit/serialization/import.h>
 
-#include <sys/wait.h>
-
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 
@@ -65,34 +62,6 @@ TEST(ExportTorchScript, GivesTheSameLogProbabilities) {
   ExpectError<IoError>([&] { ExportTorchScript(folder / "missing.safetensors", folder / "x.ts"); },
                        {"missing.safetensors"});
   EXPECT_FALSE(fs::exists(folder / "x.ts"));
-}
-
-TEST(ExportTorchScript, RunsInPython) {
-  const TempFolder folder;
-  c10::NoGradGuard no_grad;
-  CheckpointMeta meta;
-  meta.structure = ReadStructure("configs/structure.yaml");
-  meta.network.base_channels = 2;
-  meta.network.normalization = Normalization::kBatch;
-  meta.network.input = InputEncoding::kDepthMask;
-  StructureNet net(meta.network);
-  for (at::Tensor& b : net->buffers()) b.uniform_(0.5, 1.5);
-  net->eval();
-  SaveCheckpoint(folder / "model.safetensors", net, meta, false);
-  ExportTorchScript(folder / "model.safetensors", folder / "model.ts");
-  TensorFile cases{"cases", "{}", {}};
-  for (int i = 0; i < 2; ++i) {
-    const at::Tensor depth = Depth(45 + 19 * i, 80);
-    cases.tensors["depth" + std::to_string(i)] = depth;
-    cases.tensors["expected" + std::to_string(i)] =
-        net->forward(EncodeDepth(depth, meta.network.input));
-  }
-  WriteTensorFile(folder / "cases.safetensors", cases);
-  const int status = std::system(
-      ("/usr/bin/python3 tests/core/nn/export_torchscript_check.py " + folder.path().string())
-          .c_str());
-  ASSERT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 }  // namespace
