@@ -6,6 +6,8 @@
 Needs Chromium (Debian package chromium; WebGL is drawn by its software renderer).
 """
 
+import contextlib
+import copy
 import json
 import math
 import os
@@ -172,13 +174,11 @@ class ReportPage(unittest.TestCase):
         self.assertIn("calibrate --model models/m05-lite.safetensors", self.text("#run"))
 
     def test_a_sensor_in_doubt_is_not_called_usable(self):
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         for name, code in (("S2", "disagrees"), ("S3", "uncertain")):
             report["extrinsics"]["sensors"][name].update(status="weak", code=code, reason="a reason", hint="a hint")
-        page = self.open_with(report, "doubt.html")
-        self.assertEqual(page.evaluate("document.querySelector('h1').innerText"), "2 of 4 sensors usable; S4 failed; S2 in doubt (weak); S3 with care (weak)")
-        self.assertEqual(page.complaints(), [])
-        page.close()
+        with self.page_of(report) as page:
+            self.assertEqual(page.evaluate("document.querySelector('h1').innerText"), "2 of 4 sensors usable; S4 failed; S2 in doubt (weak); S3 with care (weak)")
 
     def test_position_sigma_is_that_of_the_sensor(self):
         """Against finite differences of T = Exp(delta) T^, column by column."""
@@ -213,41 +213,37 @@ class ReportPage(unittest.TestCase):
         self.assertTrue(self.page.evaluate("document.querySelector('h1').compareDocumentPosition(document.querySelector('#strip')) & 4"))
 
     def test_a_failed_sensor_shows_its_best_guess(self):
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         frames = report["stills"][0]["frames"]
         frames[3]["pictures"]["edges"] = frames[0]["pictures"]["edges"]
-        page = self.open_with(report, "guess.html")
-        self.assertIn("best guess", page.evaluate("document.querySelectorAll('#strip a')[3].innerText"))
-        self.assertIn("best guess, which was rejected", page.evaluate("document.querySelector('#frame-3').innerText"))
-        self.assertNotIn("best guess", page.evaluate("document.querySelector('#frame-0').innerText"))
-        page.close()
+        with self.page_of(report) as page:
+            self.assertIn("best guess", page.evaluate("document.querySelectorAll('#strip a')[3].innerText"))
+            self.assertIn("best guess, which was rejected", page.evaluate("document.querySelector('#frame-3').innerText"))
+            self.assertNotIn("best guess", page.evaluate("document.querySelector('#frame-0').innerText"))
 
     def test_names_stay_as_they_are(self):
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         report["extrinsics"]["sensors"]["s00"] = report["extrinsics"]["sensors"].pop("S4")
         report["stills"][0]["frames"][3]["sensor"] = "s00"
         report["advice"] = ["s00 is off", "s00x is off", "depth_scale is off", "it is off", "capture.json is off"]
-        page = self.open_with(report, "names.html")
-        self.assertEqual(page.evaluate("[...document.querySelectorAll('#reasons li')].map((line) => line.innerText)"),
-                         ["s00 is off.", "s00x is off.", "depth_scale is off.", "It is off.", "capture.json is off."])
-        page.close()
+        with self.page_of(report) as page:
+            self.assertEqual(page.evaluate("[...document.querySelectorAll('#reasons li')].map((line) => line.innerText)"),
+                             ["s00 is off.", "s00x is off.", "depth_scale is off.", "It is off.", "capture.json is off."])
 
     def test_a_check_begins_with_what_moved(self):
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         sensor = lambda name, movement, far: {"name": name, "movement": movement, "translation_m": far, "rotation_deg": 0.5, "probability": 1e-9, "found_from_m": 0.02, "found_from_deg": 1}
         report["check"] = {"sentences": ["S3 moved 40.3 mm, 0.50 deg; the other 2 agree within 0.9 mm, 0.01 deg", "the stack stands 3 mm and 0.1 deg from where it stood"],
                            "file": {"last": "old/extrinsics.json", "last_from_now": [], "sensors": [sensor("S1", "stayed", 0.0009), sensor("S2", "stayed", 0.0004), sensor("S3", "moved", 0.0403)]}}
-        page = self.open_with(report, "check.html")
-        text = lambda selector: page.evaluate(f"document.querySelector('{selector}').innerText")
-        self.assertEqual(text("h1"), report["check"]["sentences"][0])
-        self.assertIn("old/extrinsics.json", text("#subject"))
-        self.assertIn("3 of 4 sensors usable", text("#subject"))
-        rows = page.evaluate("[...document.querySelectorAll('#check tbody tr')].map((row) => [...row.cells].slice(0, 3).map((cell) => cell.innerText.trim()))")
-        self.assertEqual(rows, [["S1", "stayed", "0.9"], ["S2", "stayed", "0.4"], ["S3", "moved", "40.3"]])
-        self.assertIn("The stack stands 3 mm", text("#check"))
-        self.assertTrue(page.evaluate("document.querySelector('#check').compareDocumentPosition(document.querySelector('#tiles')) & 4"))
-        self.assertEqual(page.complaints(), [])
-        page.close()
+        with self.page_of(report) as page:
+            text = lambda selector: page.evaluate(f"document.querySelector('{selector}').innerText")
+            self.assertEqual(text("h1"), report["check"]["sentences"][0])
+            self.assertIn("old/extrinsics.json", text("#subject"))
+            self.assertIn("3 of 4 sensors usable", text("#subject"))
+            rows = page.evaluate("[...document.querySelectorAll('#check tbody tr')].map((row) => [...row.cells].slice(0, 3).map((cell) => cell.innerText.trim()))")
+            self.assertEqual(rows, [["S1", "stayed", "0.9"], ["S2", "stayed", "0.4"], ["S3", "moved", "40.3"]])
+            self.assertIn("The stack stands 3 mm", text("#check"))
+            self.assertTrue(page.evaluate("document.querySelector('#check').compareDocumentPosition(document.querySelector('#tiles')) & 4"))
 
     def test_narrow_and_dark(self):
         backgrounds = set()
@@ -261,13 +257,17 @@ class ReportPage(unittest.TestCase):
             page.close()
         self.assertEqual(len(backgrounds), 2)
 
-    def open_with(self, report, name):
-        """The page around another payload."""
+    @contextlib.contextmanager
+    def page_of(self, report):
+        """The page around another payload; it has nothing to complain of."""
         text = read("report.html")
         begin = text.index(PAYLOAD) + len(PAYLOAD)
-        with open(os.path.join(FOLDER, name), "w", encoding="utf-8") as file:
+        with open(os.path.join(FOLDER, "changed.html"), "w", encoding="utf-8") as file:
             file.write(text[:begin] + json.dumps(report).replace("<", "\\u003c") + text[text.index("</script>", begin):])
-        return self.browser.open(url(name))
+        page = self.browser.open(url("changed.html"))
+        yield page
+        self.assertEqual(page.complaints(), [])
+        page.close()
 
     def test_every_number_says_what_it_means(self):
         bare = self.page.evaluate("""[...document.querySelectorAll('.tile b, td, main dd')].filter((node) => /[0-9]/.test(node.innerText) && !node.closest('#run'))
@@ -342,37 +342,33 @@ class ReportPage(unittest.TestCase):
     def test_other_poses_that_fit(self):
         """S1 and S2 may stand elsewhere, and a choice that is decided."""
         self.assertTrue(self.page.evaluate("document.querySelector('#alternatives').hidden"))
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         sensors, frames = report["extrinsics"]["sensors"], report["stills"][0]["frames"]
         other = lambda *names: {name: {"twin": 2, "structure_from_sensor": sensors[name]["structure_from_sensor"]} for name in names}
         report["extrinsics"]["twins"] = [{"log_odds": 0.4, "sensors": other("S1", "S2")}, {"log_odds": 30, "sensors": other("S3")}]
         shown = [{"sensor": frame["sensor"], "width": frame["width"], "height": frame["height"], "picture": frame["pictures"]["edges"], "outlines_differ": share}
                  for frame, share in zip(frames, (0.1, 0.3))]
         report["twins"] = [{"from_above": report["from_above"], "frames": shown}, {"from_above": report["from_above"], "frames": []}]
-        page = self.open_with(report, "alternatives.html")
-        text = page.evaluate("document.querySelector('#alternatives').innerText")
-        for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "Look first at the picture of S2", "30 %", "1 set of poses that fit less well was rejected, with odds from over 1000 : 1 on"):
-            self.assertIn(part, text)
-        self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives svg').length"), 2)
-        self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives img').length"), 4)
-        self.assertEqual(page.complaints(), [])
-        page.close()
+        with self.page_of(report) as page:
+            text = page.evaluate("document.querySelector('#alternatives').innerText")
+            for part in ("S1, S2 may stand elsewhere", "1.5 : 1", "--choose S1=2", "S2 will follow", "Look first at the picture of S2", "30 %", "1 set of poses that fit less well was rejected, with odds from over 1000 : 1 on"):
+                self.assertIn(part, text)
+            self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives svg').length"), 2)
+            self.assertEqual(page.evaluate("document.querySelectorAll('#alternatives img').length"), 4)
 
     def test_several_stills(self):
         """The page with its still a second time, a metre away."""
-        report = json.loads(json.dumps(self.report))
+        report = copy.deepcopy(self.report)
         placements, stills = report["extrinsics"]["placements"], report["stills"]
         placements.append({**placements[0], "name": "there", "first_from_placement": [[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]})
         stills[0]["name"], placements[0]["name"] = "here", "here"
         stills.append({**stills[0], "name": "there"})
-        page = self.open_with(report, "two_stills.html")
-        page.settle()
-        state = page.evaluate("volalignReport()")
-        points = sum(frame["cloud"]["count"] for frame in stills[0]["frames"] if "cloud" in frame)
-        self.assertEqual((state["stacks"], state["points"]), (2, 2 * points))
-        self.assertIn("In there:", page.evaluate("document.querySelector('#frames').innerText"))
-        self.assertEqual(page.complaints(), [])
-        page.close()
+        with self.page_of(report) as page:
+            page.settle()
+            state = page.evaluate("volalignReport()")
+            points = sum(frame["cloud"]["count"] for frame in stills[0]["frames"] if "cloud" in frame)
+            self.assertEqual((state["stacks"], state["points"]), (2, 2 * points))
+            self.assertIn("In there:", page.evaluate("document.querySelector('#frames').innerText"))
 
     def test_without_webgl_the_rest_stands(self):
         with Browser("--disable-3d-apis") as browser:
