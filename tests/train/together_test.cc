@@ -1,7 +1,6 @@
 // Several processes train as one does.
 
 #include <ATen/TensorOperators.h>
-#include <ATen/ops/zeros.h>
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -22,7 +21,6 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/distributed/in_processes.h"
 #include "tests/train/synthetic_source.h"
-#include "train/step.h"
 #include "train/together.h"
 #include "train/trainer.h"
 
@@ -207,35 +205,6 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
             (std::vector<int>{1, 1}));
   EXPECT_TRUE(Has(ReadFile(folder / "message0"), "there is no run to resume"));
   EXPECT_TRUE(Has(ReadFile(folder / "message1"), "rank 0: "));
-}
-
-// The gradient of one step.
-TEST(TogetherInProcesses, AddUpGradients) {
-  const TempFolder folder;
-  for (const Normalization normalization : {Normalization::kNone, Normalization::kGroup}) {
-    TrainConfig config = TogetherConfig(normalization);
-    const auto gradient = [&](const World& world, ProcessGroup* group) {
-      const BatchSlice slice = SliceOf(5, world);
-      const TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
-      const Batch batch = Collate(data.open_training(0)->Next());
-      const TrainingLoss loss(config.loss, data.structure, at::kCPU);
-      Learner learner(config, data.structure.num_classes(), Compute());
-      ComputeGradient(learner, loss, batch, Compute(), 0, 0, nullptr, slice.count / 5.0, group);
-      return learner.flat.gradients().clone();
-    };
-    EXPECT_EQ(InProcesses(2, folder.path(),
-                          [&](const World& world) {
-                            const at::Tensor alone = gradient(World(), nullptr);
-                            ProcessGroup group;
-                            group.Connect(world, at::kCPU, 60);
-                            const at::Tensor both = gradient(world, &group);
-                            const double error =
-                                ((both - alone).norm() / alone.norm()).item<double>();
-                            if (!(error < 1e-4)) throw Error(fmt::format("error {}", error));
-                          }),
-              std::vector<int>(2, 0))
-        << ToString(normalization) << ": " << ReadFile(folder / "message0");
-  }
 }
 
 TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {

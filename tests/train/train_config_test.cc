@@ -106,15 +106,6 @@ TEST(TrainConfig, DefaultsAndRecipesDrawEverySensorThatTheyName) {
   }
 }
 
-TEST(TrainConfig, ResolvedYamlReadsBackEqual) {
-  TrainConfig c = Read("configs/m05-lite.yaml");
-  c.loss.min_side_pixels = 7;
-  c.run.channels_last = Layout::kContiguous;
-  const std::string yaml = WriteConfig(c);
-  const TrainConfig again = ReadTrainConfig(ConfigSource::FromString(yaml, "resolved"));
-  EXPECT_EQ(WriteConfig(again), yaml);
-}
-
 TEST(TrainConfig, ReadsTheLayoutOfOlderRecipes) {
   ConfigSource source = ConfigSource::FromFile("configs/m01.yaml");
   source.Set("run.channels_last=true");
