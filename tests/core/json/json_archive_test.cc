@@ -239,6 +239,10 @@ std::string Nested(int levels) {
          std::string(static_cast<std::size_t>(levels), ']');
 }
 
+TEST(ParseStrictJson, RefusesNull) {
+  ExpectError<DataError>([] { ParseStrictJson("null", "a.json"); }, {"a.json", "null"});
+}
+
 TEST(ParseStrictJson, LimitsDepth) {
   EXPECT_EQ(ParseStrictJson(Nested(kMaxJsonDepth), "a.json").size(), 1u);
   ExpectError<DataError>([] { ParseStrictJson(Nested(kMaxJsonDepth + 1), "a.json"); },
