@@ -1,7 +1,6 @@
 #include "infer/report/pictures.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>

@@ -9,7 +9,6 @@
 #include <Eigen/Geometry>
 #include <filesystem>
 #include <fstream>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
 #include <sstream>

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/file_util.h"
 #include "infer/report/html_report/encode.h"
 #include "infer/report/html_report/payload.h"
 #include "infer/report/html_report/rig_views.h"
@@ -160,10 +159,8 @@ TEST(PlacedFromAbove, SaysDistanceAndHeightOfEachPlacedSensor) {
   FrameResult failed;
   failed.name = "S2";
   const std::string svg = PlacedFromAbove({Seen("S1", structure, pose), failed}, structure);
-  EXPECT_TRUE(Has(svg, "2.50 m, 1.25 m high"));
-  EXPECT_TRUE(Has(svg, "at 90° from x towards z"));
-  EXPECT_TRUE(Has(svg, "uncertainty"));
-  EXPECT_TRUE(Has(svg, "ellipses: 2 standard deviations"));
+  EXPECT_TRUE(Has(svg, "2.50 m, 1.25 m high", "at 90° from x towards z", "uncertainty",
+                  "ellipses: 2 standard deviations"));
   EXPECT_FALSE(Has(svg, "S2")) << "it has no pose";
 }
 
