@@ -270,21 +270,6 @@ TEST(ExplainPair, NothingMeasuredSaysNothing) {
   EXPECT_EQ(LogOddsOfPairs(causes), 0);
 }
 
-// Polya's urn: one cell after the other, each of a colour with the proportion of what was in the
-// urn and what was drawn before.
-TEST(ShareModel, IsTheProbabilityOfDrawsFromAnUrn) {
-  const ShareModel model{2.5, 0.75};
-  double expected = 0;
-  int drawn = 0, drawn_for = 0;
-  for (const bool is_for : {true, true, false, true, false, false, true}) {
-    const double share = (model.for_it + drawn_for) / (model.for_it + model.against + drawn);
-    expected += std::log(is_for ? share : 1 - share);
-    ++drawn;
-    drawn_for += is_for ? 1 : 0;
-  }
-  EXPECT_NEAR(model.LogProbability(4, 3), expected, 1e-12);
-}
-
 // And the mean of s^n (1 - s)^m over shares s, for counts that are not whole, too.
 TEST(ShareModel, IsTheMeanOverAllShares) {
   const ShareModel model{3, 2};  // density proportional to s^2 (1 - s), which is 12 times that

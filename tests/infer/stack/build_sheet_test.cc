@@ -132,25 +132,6 @@ void ExpectOverhang(const Overhang& overhang, double front, double back, double 
   EXPECT_NEAR(overhang.left, left, 1e-9);
 }
 
-// By hand, from the numbers of configs/structure.yaml.
-TEST(BuildSteps, OfThePapersStack) {
-  const std::vector<BuildStep> steps = BuildSteps(ReadStructure("configs/structure.yaml"));
-  ASSERT_EQ(steps.size(), 4u);
-  for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_EQ(steps[i].box, static_cast<int>(i));
-    EXPECT_NEAR(steps[i].height, 0.405, 1e-9);
-    EXPECT_NEAR(steps[i].yaw_deg, 0, 1e-9);
-    EXPECT_EQ(steps[i].on_floor, i == 0);
-  }
-  EXPECT_NEAR(steps[1].front_to_back, 0.330, 1e-9);
-  EXPECT_NEAR(steps[1].left_to_right, 0.555, 1e-9);
-  EXPECT_TRUE(steps[0].on.empty());
-  EXPECT_EQ(steps[3].on, std::vector<int>{2});
-  ExpectOverhang(steps[1].overhang, -0.225, 0, 0, 0.225);
-  ExpectOverhang(steps[2].overhang, 0, 0.225, 0, -0.225);
-  ExpectOverhang(steps[3].overhang, 0, -0.225, 0.225, 0);
-}
-
 // Two feet and a bridge, written from the top downwards; the bridge lies on the right foot for 250
 // x 300 mm, on the left one for 250 x 250 mm.
 TEST(BuildSteps, ABoxOnTwoComesAfterThem) {
