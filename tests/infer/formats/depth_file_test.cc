@@ -41,8 +41,7 @@ class DepthFileTest : public ::testing::Test {
 
   static cv::Mat Filled(int type, double factor = 1) {
     cv::Mat mat(kHeight, kWidth, CV_64F);
-    for (int v = 0; v < kHeight; ++v)
-      for (int u = 0; u < kWidth; ++u) mat.at<double>(v, u) = factor * Value(u, v);
+    for (const auto [u, v] : Pixels(kWidth, kHeight)) mat.at<double>(v, u) = factor * Value(u, v);
     mat.convertTo(mat, type);
     return mat;
   }
@@ -52,9 +51,8 @@ class DepthFileTest : public ::testing::Test {
     ASSERT_EQ(depth.values.width(), kWidth);
     ASSERT_EQ(depth.values.height(), kHeight);
     EXPECT_EQ(depth.whole_numbers, whole_numbers);
-    for (int v = 0; v < kHeight; ++v)
-      for (int u = 0; u < kWidth; ++u)
-        EXPECT_EQ(depth.values(u, v), static_cast<float>(factor * Value(u, v))) << u << " " << v;
+    for (const auto [u, v] : Pixels(kWidth, kHeight))
+      EXPECT_EQ(depth.values(u, v), static_cast<float>(factor * Value(u, v))) << u << " " << v;
   }
 
   /// An array's file: the header, a dictionary of Python, then the bytes.
@@ -81,8 +79,8 @@ class DepthFileTest : public ::testing::Test {
 
 TEST_F(DepthFileTest, PngAndPgm) {
   Image16 image(kWidth, kHeight);
-  for (int v = 0; v < kHeight; ++v)
-    for (int u = 0; u < kWidth; ++u) image(u, v) = static_cast<std::uint16_t>(Value(u, v));
+  for (const auto [u, v] : Pixels(kWidth, kHeight))
+    image(u, v) = static_cast<std::uint16_t>(Value(u, v));
   WritePng(folder_ / "a.bin", image);  // the content counts, not the name
   ExpectFilled(folder_ / "a.bin", true);
   WritePgm(folder_ / "a.png", image);
@@ -134,8 +132,7 @@ TEST_F(DepthFileTest, TiledTiff) {
   const StoredDepth depth = ReadStoredDepth(path);
   ASSERT_EQ(depth.values.width(), kColumns);
   ASSERT_EQ(depth.values.height(), kRows);
-  for (int v = 0; v < kRows; ++v)
-    for (int u = 0; u < kColumns; ++u) ASSERT_EQ(depth.values(u, v), 100 * v + u + 1);
+  for (const auto [u, v] : Pixels(kColumns, kRows)) ASSERT_EQ(depth.values(u, v), 100 * v + u + 1);
 }
 
 int errors_of_others = 0;
@@ -183,8 +180,8 @@ TEST_F(DepthFileTest, OpenExrLayers) {
   const Imath::Box2i window(Imath::V2i(3, 2), Imath::V2i(3 + kWidth - 1, 2 + kHeight - 1));
   Imf::Header header(window, window);
   std::vector<float> depth, colour(std::size_t{kWidth} * kHeight, 0.5f);
-  for (int v = 0; v < kHeight; ++v)
-    for (int u = 0; u < kWidth; ++u) depth.push_back(static_cast<float>(Value(u, v)));
+  for (const auto [u, v] : Pixels(kWidth, kHeight))
+    depth.push_back(static_cast<float>(Value(u, v)));
   Imf::FrameBuffer buffer;
   const auto add = [&](const char* name, std::vector<float>* values) {
     header.channels().insert(name, Imf::Channel(Imf::FLOAT));

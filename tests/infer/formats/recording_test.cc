@@ -20,6 +20,7 @@
 #include "infer/formats/ros_depth.h"
 #include "infer/formats/unpack.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/formats/bag_writer.h"
 #include "tests/infer/formats/write_database.h"
@@ -68,9 +69,8 @@ void ExpectRealSense(const std::string& file) {
   for (int i = 0; i < 2; ++i) {
     const StoredDepth& frame = depth.frames[static_cast<std::size_t>(i)];
     EXPECT_TRUE(frame.whole_numbers);
-    for (int v = 0; v < 48; ++v)
-      for (int u = 0; u < 64; ++u)
-        ASSERT_EQ(frame.values(u, v), static_cast<float>(10000 + 100 * i + 64 * v + u));
+    for (const auto [u, v] : Pixels(64, 48))
+      ASSERT_EQ(frame.values(u, v), static_cast<float>(10000 + 100 * i + 64 * v + u));
   }
 }
 
@@ -162,9 +162,8 @@ TEST(RecordingTest, AzureKinectMkv) {
       depth.intrinsics->distortion,
       (std::vector<double>{0.92185, 0.5004, 0.0002, -0.0001, 0.02836, 1.25842, 0.75181, 0.14419}));
   ASSERT_EQ(depth.frames.size(), 1u);
-  for (int v = 0; v < 288; ++v)
-    for (int u = 0; u < 320; ++u)
-      ASSERT_EQ(depth.frames[0].values(u, v), static_cast<float>(1000 + 4 * v + u));
+  for (const auto [u, v] : Pixels(320, 288))
+    ASSERT_EQ(depth.frames[0].values(u, v), static_cast<float>(1000 + 4 * v + u));
 }
 
 TEST(RecordingTest, ACaptureNeedsNothingButTheRecording) {
@@ -500,22 +499,6 @@ TEST(UnpackZstd, SaysWhatIsDamaged) {
 }
 
 using std::string_view_literals::operator""sv;  // NOLINT(misc-unused-using-decls): it is used
-
-TEST(ByteReader, TakesLittleEndianValuesInOrder) {
-  const std::string name = "a.mcap";
-  ByteReader reader(
-      "\x02\x01\xff\x00\x00\x00\x80\x03\x00\x00\x00"
-      "abcde"sv,
-      name);
-  EXPECT_EQ(reader.Value<std::uint16_t>(), 0x0102);
-  EXPECT_EQ(reader.Value<std::uint8_t>(), 0xff);
-  EXPECT_EQ(reader.Value<std::int32_t>(), std::int32_t{-0x7fffffff} - 1);
-  EXPECT_EQ(reader.left(), 9u);
-  EXPECT_EQ(reader.Block(), "abc");
-  EXPECT_EQ(reader.Take(2), "de");
-  EXPECT_EQ(reader.Take(0), "");
-  EXPECT_EQ(reader.left(), 0u);
-}
 
 TEST(ByteReader, GivesNothingBeyondTheEnd) {
   const std::string name = "a.mcap";

@@ -32,8 +32,7 @@ TEST(DepthCorrection, MakesPointsOfPixels) {
   EXPECT_EQ(header % 64, 0u);
   EXPECT_EQ(bytes[header - 1], '\n');
   EXPECT_EQ(bytes.substr(1, 5), "NUMPY");
-  EXPECT_NE(bytes.find("'<f4'"), std::string::npos);
-  EXPECT_NE(bytes.find("(20, 30, 4)"), std::string::npos);
+  EXPECT_TRUE(Has(bytes, "'<f4'", "(20, 30, 4)"));
   std::vector<float> values(20 * 30 * 4);
   ASSERT_EQ(bytes.size(), header + values.size() * sizeof(float));
   std::memcpy(values.data(), bytes.data() + header, values.size() * sizeof(float));

@@ -11,25 +11,6 @@
 namespace volalign::sensor_pose_test {
 namespace {
 
-TEST(FramesOfOthers, HaveTheirAxesWhereTheirProgramsHaveThem) {
-  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY(),
-                        z = Eigen::Vector3d::UnitZ();
-  // Up is z, and the world stays right-handed.
-  EXPECT_EQ(ZUpFromYUp() * y, z);
-  EXPECT_EQ(ZUpFromYUp() * x, x);
-  EXPECT_EQ(ZUpFromYUp().determinant(), 1);
-  // Unity's world is left-handed; its camera looks along z with y up, ours has y down.
-  EXPECT_EQ(UnityFromYUp() * y, y);
-  EXPECT_EQ(UnityFromYUp().determinant(), -1);
-  EXPECT_EQ(UnityCameraFromSensor() * z, z);
-  EXPECT_EQ(UnityCameraFromSensor() * y, -y);
-  EXPECT_EQ(UnityCameraFromSensor() * x, x);
-  // The Kinect SDK's: x left, y up, z forward.
-  EXPECT_EQ(KinectV2FromSensor() * x, -x);
-  EXPECT_EQ(KinectV2FromSensor() * y, -y);
-  EXPECT_EQ(KinectV2FromSensor() * z, z);
-}
-
 TEST(PoseFromRotation, StraightensAMatrixOfFewDigitsAndRefusesOthers) {
   const Eigen::Matrix3d exact = RotationExp({0.3, -0.4, 0.5});
   Eigen::Matrix3d rounded = exact;

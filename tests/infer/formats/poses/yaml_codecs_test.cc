@@ -7,6 +7,8 @@
 
 #include "infer/formats/poses/codecs.h"
 
+#include "tests/core/base/expect_error.h"
+
 namespace volalign::poses_internal {
 namespace {
 
@@ -75,8 +77,8 @@ TEST(YamlCodecs, UrdfHasAJointForEachSensor) {
     EXPECT_LT((rotation - sensor.structure_from_sensor.linear()).norm(), 1e-9);
     EXPECT_EQ(Eigen::Vector3d(t[0], t[1], t[2]), sensor.structure_from_sensor.translation());
   }
-  EXPECT_NE(text.find("<child link=\"S1_color_optical_frame\"/>"), std::string::npos);
-  EXPECT_NE(text.find("S &#38; &#34;2&#34;_joint"), std::string::npos);
+  EXPECT_TRUE(Has(text, "<child link=\"S1_color_optical_frame\"/>"));
+  EXPECT_TRUE(Has(text, "S &#38; &#34;2&#34;_joint"));
 }
 
 }  // namespace
