@@ -202,18 +202,6 @@ TEST(SamePose, FollowsFromTheSmallestEdge) {
   EXPECT_FALSE(SamePose(Cube(0.3), pose, Moved(pose, 0, 42 * M_PI / 180)));
 }
 
-TEST(SamePose, StepsOfASmallStackAreNone) {
-  // A fifth of the paper's: its boxes are 8 cm high.
-  std::vector<Box> boxes = PaperStructure().boxes();
-  for (Box& box : boxes) {
-    box.size /= 5;
-    box.structure_from_box.translation() /= 5;
-  }
-  const Pose pose = RingPose(30, 0.8, 0.3);
-  EXPECT_FALSE(SamePose(Structure::FromBoxes("small", boxes), pose,
-                        Eigen::Translation3d(0, 0.08, 0) * pose));
-}
-
 TEST(SamePose, NoNumberIsNoPose) {
   Pose pose = Pose::Identity();
   pose.translation().x() = std::nan("");

@@ -345,13 +345,6 @@ class LabelsOfAPose : public ::testing::Test {
   }
 };
 
-TEST_F(LabelsOfAPose, TheFixtureIsAsDescribed) {
-  ASSERT_GT(near_ * next_ * far_, 0);
-  const Eigen::Vector3d p = MakeSensorView(depth_, Coarse()).Point(9, 5);
-  ASSERT_NEAR((box_.SideOfLabel(near_).ClosestPoint(p) - p).norm(), 0.01, 1e-6);
-  ASSERT_NEAR((box_.SideOfLabel(next_).ClosestPoint(p) - p).norm(), 0.0126, 1e-4);
-}
-
 TEST_F(LabelsOfAPose, ALabelWhoseSideIsNearStaysThoughAnotherIsNearer) {
   const Seen kept = At({next_, 0.6f}, {{near_, 0.9f}});
   EXPECT_EQ(kept.label, next_);
@@ -517,40 +510,6 @@ TEST(FindFloor, NothingMeasuredSaysNothing) {
   const FloorFit floor = FindFloor(FromAbove(0), Cube(), Above(-0.5));
   EXPECT_EQ(floor.pixels, 0);
   EXPECT_EQ(floor.LogOdds(), 0);
-}
-
-/// Distance to the nearest side, side by side.
-double Distance(const Structure& structure, const Eigen::Vector3d& p) {
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const Side& side : structure.sides())
-    nearest = std::min(nearest, (side.ClosestPoint(p) - p).norm());
-  return nearest;
-}
-
-TEST(FindFloor, IsTheFloorThatWasRendered) {
-  const Structure structure = PaperStructure();
-  const Pose pose = RingPose(40);
-  const auto rendered = Render(structure, Kinect(), pose);
-  const auto alone = CastView(structure, ComputeRays(Kinect()), pose);
-  const SensorView view = MakeSensorView(rendered.depth, Kinect());
-  int expected = 0, pixels = 0;
-  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
-  for (int v = stride / 2; v < view.height(); v += stride) {
-    for (int u = stride / 2; u < view.width(); u += stride) {
-      pixels += view.depth(u, v) > 0 ? 1 : 0;
-      if (view.depth(u, v) > 0 && !(alone.depth(u, v) > 0) &&
-          Distance(structure, pose * view.Point(u, v)) > 0.03)
-        ++expected;
-    }
-  }
-  const FloorFit floor = FindFloor(view, structure, pose);
-  EXPECT_EQ(floor.pixels, pixels);
-  // Points of the lowest centimetres of the stack lie within 3 cm of it and do not count.
-  // Along depth's edges the surface is not level.
-  EXPECT_LE(floor.on_floor, expected);
-  EXPECT_GT(floor.on_floor, 0.8 * expected);
-  EXPECT_EQ(floor.below, 0);
-  ASSERT_GT(expected, 1000);
 }
 
 TEST(FloorMargin, IsTheLeastDifferenceToASymmetry) {

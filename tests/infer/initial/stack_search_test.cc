@@ -40,18 +40,6 @@ std::vector<OrientedPoint> SurfaceOf(const Structure& structure, const Pose& pos
   return points;
 }
 
-TEST(RoomFromSensor, IsATurnThatBringsUpToY) {
-  for (const Eigen::Vector3d& direction :
-       {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(0, -1, 0), Eigen::Vector3d(1, 0, 0),
-        Eigen::Vector3d(0.3, -0.5, 0.7)}) {
-    const Eigen::Vector3d up = direction.normalized();
-    const Eigen::Matrix3d room = RoomFromSensor(up);
-    EXPECT_TRUE((room * room.transpose()).isIdentity(1e-12));
-    EXPECT_NEAR(room.determinant(), 1, 1e-12);
-    EXPECT_TRUE((room * up).isApprox(Eigen::Vector3d::UnitY(), 1e-12));
-  }
-}
-
 /// A sensor 2 m away, tilted and rolled.
 Pose Somewhere(double phi_deg) { return RingPose(phi_deg, 2.1, 1.2, 35, {0.3, 0.3, 0}); }
 
@@ -338,20 +326,6 @@ TEST(MakeStackOutline, HasLimits) {
   // 5 m high in 16 slabs; a radius of 2 m in 16 cells.
   EXPECT_NEAR(outline({0.3, 5, 0.3}).slab, 5.0 / 16, 1e-12);
   EXPECT_NEAR(outline({4, 0.5, 0.3}).cell, std::hypot(4, 0.3) / 2 / 16, 1e-12);
-}
-
-TEST(StackOutline, CountsSlabsFromTheFoot) {
-  StackOutline outline;
-  outline.slab = 0.2;
-  outline.slabs = 3;
-  EXPECT_EQ(outline.SlabAt(-0.01), -1);
-  EXPECT_EQ(outline.SlabAt(0), 0);
-  EXPECT_EQ(outline.SlabAt(0.19), 0);
-  EXPECT_EQ(outline.SlabAt(0.41), 2);
-  EXPECT_FALSE(outline.Has(-1));
-  EXPECT_TRUE(outline.Has(0));
-  EXPECT_TRUE(outline.Has(2));
-  EXPECT_FALSE(outline.Has(3));
 }
 
 const Eigen::Vector3d kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);

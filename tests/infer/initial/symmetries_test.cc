@@ -18,58 +18,6 @@ namespace {
 
 using namespace testing_infer;
 
-bool Inside(const Structure& structure, const Eigen::Vector3d& p, double slack) {
-  return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
-    const Eigen::Vector3d q = box.structure_from_box.inverse() * p;
-    return ((q.cwiseAbs() - box.size / 2).array() < slack).all();
-  });
-}
-
-// Independent of corners: the volume of the moved boxes, by random points.
-TEST(FindSymmetries, CountsTheBoxesThatComeToLieOnBoxes) {
-  const Structure structure = PaperStructure();
-  const std::vector<StructureSymmetry> symmetries = FindSymmetries(structure);
-  ASSERT_GE(symmetries.size(), 4u);
-  RandomStream random(1, 0, "points");
-  for (const StructureSymmetry& symmetry : symmetries) {
-    int covered = 0;
-    for (const Box& box : structure.boxes()) {
-      bool all = true;
-      for (int k = 0; k < 200; ++k) {
-        const Eigen::Vector3d p{random.Uniform(-0.5, 0.5), random.Uniform(-0.5, 0.5),
-                                random.Uniform(-0.5, 0.5)};
-        all = all && Inside(structure,
-                            symmetry.motion * (box.structure_from_box *
-                                               Eigen::Vector3d(p.cwiseProduct(box.size))),
-                            0.02);
-      }
-      covered += all ? 1 : 0;
-    }
-    EXPECT_EQ(covered, symmetry.boxes);
-    for (int label = 1; label < structure.num_classes(); ++label) {
-      const int after = symmetry.label_after[static_cast<std::size_t>(label)];
-      if (after == 0) continue;
-      const Side& side = structure.SideOfLabel(label);
-      const Eigen::Vector3d p =
-          symmetry.motion * Eigen::Vector3d(side.centre + 0.1 * side.half_u * side.axis_u);
-      EXPECT_LT((structure.SideOfLabel(after).ClosestPoint(p) - p).norm(), 0.02);
-    }
-  }
-  // The paper's stack by hand: half a turn about a horizontal diagonal keeps all four boxes, and
-  // a step of the spiral three, a box height higher or lower.
-  EXPECT_EQ(symmetries[0].boxes, 4);
-  EXPECT_FALSE(symmetries[0].keeps_up());
-  int up = 0, down = 0;
-  for (const StructureSymmetry& symmetry : symmetries) {
-    if (symmetry.boxes != 3 || !symmetry.keeps_up()) continue;
-    EXPECT_NEAR(std::abs(symmetry.motion.translation().y()), 0.405, 1e-6);
-    EXPECT_NEAR(symmetry.motion.linear().trace(), 1, 1e-9);  // a quarter turn
-    ++(symmetry.motion.translation().y() > 0 ? up : down);
-  }
-  EXPECT_EQ(up, 1);
-  EXPECT_EQ(down, 1);
-}
-
 /// Boxes of 25 cm on a grid of 5 x 3 x 4 places, of which some stay empty, so that many turns and
 /// steps bring most boxes onto boxes.
 Structure Grid(int boxes) {
@@ -262,15 +210,6 @@ TEST(FindSymmetries, OfMeshes) {
     if (!symmetry.keeps_up()) continue;
     EXPECT_EQ(std::count(symmetry.label_after.begin() + 1, symmetry.label_after.end(), 0), 0);
   }
-}
-
-TEST(FindSymmetries, BoxesOfDifferentSizesHaveNone) {
-  const Structure structure =
-      Structure::FromBoxes("odd", {Box::FromMinMax("low", {-0.4, -0.8, -0.2}, {0.3, -0.3, 0.15}),
-                                   Box::FromMinMax("middle", {-0.1, -0.3, -0.2}, {0.3, 0.1, 0.4}),
-                                   Box::FromMinMax("high", {-0.3, 0.1, -0.1}, {0.3, 0.45, 0.15})});
-  // Each box by itself is the same after half a turn about its own axes.
-  for (const StructureSymmetry& symmetry : FindSymmetries(structure)) EXPECT_LT(symmetry.boxes, 2);
 }
 
 }  // namespace
