@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
-#include <vector>
 
 #include "core/base/error.h"
 #include "infer/calib/calibrate.h"
@@ -17,36 +15,12 @@ namespace {
 
 using namespace testing_infer;
 
-/// Six equal cartons in a row along x, alike from the front and from behind.
-std::vector<Box> Row() {
-  std::vector<Box> boxes;
-  for (int i = 0; i < 6; ++i)
-    boxes.push_back(Box::FromMinMax("b" + std::to_string(i), {-0.9 + 0.3 * i, 0, -0.2},
-                                    {-0.6 + 0.3 * i, 0.4, 0.2}));
-  return boxes;
-}
-
-/// Two sensors that look at the row from both sides, in a square room with two cupboards.
-Rig FromBothSides(double azimuth) {
-  std::vector<Box> seen = Row();
-  seen.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
-  seen.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
-  Rig rig{Structure::FromBoxes("room", seen), {}, {}};
-  for (int i = 0; i < 2; ++i) {
-    rig.Add(RingPose(azimuth + 180 * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
-    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
-    rig.frames.back().quarter_turns = kAutoTurns;
-  }
-  rig.structure = Structure::FromBoxes("row", Row());
-  return rig;
-}
-
 // The row may be taken for itself from behind, but not by one of the two alone: they would see
 // through what the other one sees, although walls and floor then lie in the same places.
 TEST(CalibrateAlternatives, ARowFromBothSides) {
   for (const double azimuth : {80.0, 90.0, 100.0, 115.0}) {
     SCOPED_TRACE(azimuth);
-    const Rig rig = FromBothSides(azimuth);
+    const Rig rig = RowFromBothSides(azimuth);
     const CalibrationResult result = CalibrateByShape(rig.frames, rig.structure);
     for (const FrameResult& sensor : result.sensors) {
       ASSERT_TRUE(sensor.structure_from_sensor.has_value());
@@ -64,7 +38,7 @@ TEST(CalibrateAlternatives, ARowFromBothSides) {
 // Both sensors have one other set of poses, at the other side of the row, which --choose chooses
 // for both by either.
 TEST(CalibrateAlternatives, TheOtherSideIsInTheResultAndCanBeChosen) {
-  const Rig rig = FromBothSides(100);
+  const Rig rig = RowFromBothSides(100);
   CalibrateOptions options;
   const auto calibrate = [&] { return CalibrateByShape(rig.frames, rig.structure, options); };
   const CalibrationResult first = calibrate();

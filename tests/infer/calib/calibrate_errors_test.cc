@@ -3,11 +3,9 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "infer/calib/calibrate.h"
 #include "tests/infer/calib/calibrate_rig.h"
@@ -20,14 +18,6 @@ using namespace testing_infer;
 
 // Quantile of chi-square with 6 degrees of freedom.
 constexpr double kChi6Of999 = 22.46;
-
-/// Of a pose, in standard deviations: chi-square with 6 degrees of freedom.
-double SquaredError(const FrameResult& sensor, const SensorFrame& frame) {
-  const Pose difference = *frame.ground_truth * sensor.structure_from_sensor->inverse();
-  Vector6d delta;
-  delta << difference.translation(), RotationLog(difference.linear());
-  return delta.dot(sensor.covariance.llt().solve(delta));
-}
 
 /// A ring in a room, with white errors of 1 mm and smooth ones.
 Rig Ring(std::size_t sensors, const Intrinsics& intrinsics, double smooth_m, double length_px,

@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
@@ -102,19 +101,15 @@ TEST(CalibrateByGeometry, AMeshOfTheStackGivesThePosesOfTheStack) {
 TEST(CalibrateByGeometry, StandsInForANetworkThatFindsNothing) {
   Rig rig = ThreeSensors();
   for (std::uint8_t& label : rig.labels[1]) label = 0;
-  StoredSegmenter blind;
-  for (std::size_t i = 0; i < rig.frames.size(); ++i)
-    blind.Store(rig.frames[i].depth, Certain(rig.labels[i]));
-  CalibrateOptions options;
-  const CalibrationResult both = Calibrate(rig.frames, rig.structure, blind, options);
+  const CalibrationResult both = CalibrateRig(rig);
   ASSERT_TRUE(both.sensors[1].error);
   EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
   EXPECT_EQ(both.sensors[0].initial_source, PoseSource::kNetwork);
   EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
 
+  CalibrateOptions options;
   options.initial.method = PoseMethod::kNetwork;
-  const CalibrationResult alone = Calibrate(rig.frames, rig.structure, blind, options);
-  EXPECT_EQ(alone.sensors[1].code, SensorCode::kNoStructure);
+  EXPECT_EQ(CalibrateRig(rig, options).sensors[1].code, SensorCode::kNoStructure);
 }
 
 // As beyond the distances that it was trained for: sides are found beside the stack.
@@ -126,10 +121,7 @@ TEST(CalibrateByGeometry, StandsInForANetworkThatLabelsTheRoom) {
     const int from = v - labels.height() / 4;
     labels(u, v) = from >= 0 ? truth(u, from) : 0;
   }
-  StoredSegmenter astray;
-  for (std::size_t i = 0; i < rig.frames.size(); ++i)
-    astray.Store(rig.frames[i].depth, Certain(rig.labels[i]));
-  const CalibrationResult both = Calibrate(rig.frames, rig.structure, astray);
+  const CalibrationResult both = CalibrateRig(rig);
   ASSERT_TRUE(both.sensors[1].error) << both.sensors[1].reason;
   EXPECT_LT(both.sensors[1].error->translation_m, 0.01);
   EXPECT_EQ(both.sensors[1].initial_source, PoseSource::kGeometry);
@@ -357,15 +349,6 @@ TEST(CalibrateByGeometry, ASingleBoxIsAmbiguous) {
     SCOPED_TRACE(sensor.name);
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
     EXPECT_TRUE(Has(sensor.reason, "turned by 180 deg"));
-  }
-}
-
-TEST(CalibrateByGeometry, WithoutAModelThereIsNothingToAskANetwork) {
-  const Rig rig = RigOfOwnBoxes();
-  for (const PoseMethod method : {PoseMethod::kNetwork, PoseMethod::kPaper}) {
-    CalibrateOptions options;
-    options.initial.method = method;
-    ExpectError<ConfigError>([&] { CalibrateByShape(rig.frames, rig.structure, options); });
   }
 }
 

@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <string>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
@@ -199,35 +198,6 @@ TEST(Invariance, AnyUnitOfLength) {
     EXPECT_TRUE(Within(worst, 5e-4, 0.01)) << scale;
     for (const FrameResult& sensor : result.sensors)
       EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
-  }
-}
-
-// Frames cast through an Azure Kinect's lens, by a model of the lens that the test inverts itself.
-// Not to state the lens, nor to have it estimated, costs centimetres, so the statement is not lost
-// on the way.
-TEST(Invariance, ALensThatIsStated) {
-  Rig rig{PaperStructure(), {}, {}};
-  for (int i = 0; i < 4; ++i) rig.Add(RingPose(25 + 90.0 * i), {true, 3.5}, KinectWithLens());
-  for (const bool stated : {true, false}) {
-    CalibrateOptions options;
-    if (!stated) {
-      options.refine.estimate = "none";
-      for (SensorFrame& frame : rig.frames) frame.intrinsics.distortion.clear();
-    }
-    const CalibrationResult result = CalibrateRig(rig, options);
-    double farthest = 0;
-    for (const FrameResult& sensor : result.sensors) {
-      ASSERT_TRUE(sensor.error.has_value()) << sensor.name << ": " << sensor.reason;
-      farthest = std::max(farthest, sensor.error->translation_m);
-      if (!stated) continue;
-      EXPECT_EQ(sensor.status, SensorStatus::kOk) << sensor.reason;
-      EXPECT_TRUE(Within(*sensor.error, 1e-3, 0.05)) << sensor.name;
-      EXPECT_LT(sensor.rms_to_structure_m, 1e-3) << sensor.name;
-      EXPECT_LT(sensor.initial_error->translation_m, 4e-3) << sensor.name;
-    }
-    if (!stated) {
-      EXPECT_GT(farthest, 0.015);
-    }
   }
 }
 

@@ -59,9 +59,8 @@ Errors ErrorsOf(const Rig& rig, const CalibrationResult& result) {
     if (!sensor.error) return {};
     mm.push_back(1000 * sensor.error->translation_m);
     deg.push_back(sensor.error->rotation_deg);
-    const Pose difference = *rig.frames[i].ground_truth * sensor.structure_from_sensor->inverse();
-    Vector6d delta;
-    delta << difference.translation(), RotationLog(difference.linear());
+    const Vector6d delta =
+        LeftDifference(*sensor.structure_from_sensor, *rig.frames[i].ground_truth);
     for (int k = 0; k < 6; ++k)
       errors.within_3_sigma += std::abs(delta[k]) < 3 * std::sqrt(sensor.covariance(k, k));
   }

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "infer/calib/calibrate.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/core/geometry/within.h"
@@ -144,14 +143,6 @@ TEST(CalibrateCaptures, ASensorThatWasMovedBetweenCapturesIsNamed) {
       EXPECT_LT(sensor.error->translation_m, 0.006) << i << ": where it stood first";
     }
   }
-}
-
-TEST(CalibrateCaptures, RefusesCapturesThatAreNoneOfTheSameSensors) {
-  const std::vector<Rig> rigs = FiveSensors().Rigs();
-  EXPECT_THROW(CalibrateCaptures({rigs[0], rigs[0]}), DataError) << "the same depth maps";
-  std::vector<Rig> other = rigs;
-  other[1].frames[3].intrinsics.fx += 1;
-  EXPECT_THROW(CalibrateCaptures(other), DataError);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "infer/calib/calibrate.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
@@ -74,28 +75,8 @@ std::vector<RigFinding> PriorFindings(const CalibrationResult& result) {
   return findings;
 }
 
-/// Six equal cartons in a row along x, alike from the front and from behind, in a square room with
-/// a cupboard and a bench, and two sensors on both sides.
-Rig Row() {
-  std::vector<Box> row;
-  for (int i = 0; i < 6; ++i)
-    row.push_back(Box::FromMinMax("b" + std::to_string(i), {-0.9 + 0.3 * i, 0, -0.2},
-                                  {-0.6 + 0.3 * i, 0.4, 0.2}));
-  std::vector<Box> room = row;
-  room.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
-  room.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
-  Rig rig{Structure::FromBoxes("room", room), {}, {}};
-  for (int i = 0; i < 2; ++i) {
-    rig.Add(RingPose(100 + 180 * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
-    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
-    rig.frames.back().quarter_turns = kAutoTurns;
-  }
-  rig.structure = Structure::FromBoxes("row", row);
-  return rig;
-}
-
 TEST(CalibratePriors, MakeASymmetricStackUnambiguous) {
-  Rig rig = Row();
+  Rig rig = RowFromBothSides(100);
   for (const FrameResult& sensor : CalibrateByShape(rig.frames, rig.structure).sensors)
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
   const std::vector<SensorFrame> bare = rig.frames;
@@ -204,7 +185,7 @@ TEST(CalibratePriors, OneOfEightIsWrong) {
     const std::vector<RigFinding> findings = PriorFindings(result);
     ASSERT_EQ(findings.size(), 1u);
     EXPECT_EQ(findings[0].about, std::vector<std::string>{"S3"});
-    EXPECT_NE(findings[0].reason.find("0.48 m"), std::string::npos) << findings[0].reason;
+    EXPECT_TRUE(Has(findings[0].reason, "0.48 m"));
     EXPECT_FALSE(result.sensors[3].prior_used);
     EXPECT_TRUE(result.sensors[2].prior_used);
     EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
@@ -221,7 +202,7 @@ TEST(CalibratePriors, AllAreWrongByACommonMotion) {
   const std::vector<RigFinding> findings = PriorFindings(result);
   ASSERT_EQ(findings.size(), 1u);
   EXPECT_TRUE(findings[0].about.empty());
-  EXPECT_NE(findings[0].hint.find("world_from_sensor"), std::string::npos);
+  EXPECT_TRUE(Has(findings[0].hint, "world_from_sensor"));
   ExpectSamePoses(result, without, 0.002);
 }
 

@@ -4,7 +4,6 @@
 
 #include <limits>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
@@ -164,6 +163,32 @@ TEST(Judge, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
   EXPECT_LT(result.sensors[2].sides.size(), found);
 }
 
+TEST(Judge, APoseIsWeakIfUncertainOrOfFewInliersOrSuspectIntrinsics) {
+  Stages uncertain, few, suspect;
+  uncertain.Refined(2).covariance *= 1000;
+  EXPECT_EQ(uncertain.Judge().sensors[2].code, SensorCode::kUncertain);
+  few.joint.located[{0, 1}] = Finding{SensorCode::kNoDepth, "", ""};
+  DepthImage& depth = few.joint.seen.views[{0, 2}].depth;
+  for (std::size_t i = 0; i < depth.size(); i += 4) depth[i] *= 1.1F;
+  EXPECT_EQ(few.Judge().sensors[2].code, SensorCode::kFewInliers);
+  std::get<LocatedFrame>(suspect.joint.located[{0, 2}]).suspect_intrinsics =
+      Finding{SensorCode::kIntrinsicsSuspect, "", ""};
+  EXPECT_EQ(suspect.Judge().sensors[2].code, SensorCode::kIntrinsicsSuspect);
+}
+
+TEST(Judge, WhereAFloorWouldDecideUnknownTurnsAreAskedFor) {
+  Stages stages;
+  stages.joint.seen.labelled[{0, 2}].other_pose = "upside down";
+  stages.joint.seen.labelled[{0, 2}].floor_would_tell = true;
+  for (const int turns : {kAutoTurns, 0}) {
+    stages.capture.captures[0].frames[2].quarter_turns = turns;
+    const FrameResult sensor = stages.Judge().sensors[2];
+    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
+    EXPECT_TRUE(Has(sensor.reason, "upside down", "shows no floor"));
+    EXPECT_EQ(bool(Has(sensor.hint, "give its quarter_turns")), turns == kAutoTurns);
+  }
+}
+
 TEST(Judge, DepthsAreJudgedAsTheyWereCorrected) {
   // What the sensor measured is 2 % and 30 mm short, as was found out.
   Stages stages;
@@ -229,8 +254,7 @@ class LookAgain : public testing::Test {
     for (const std::size_t i : {std::size_t{1}, std::size_t{2}}) seen_.labelled[{0, i}] = {};
     seen_.depths[{0, 2}].failure = Finding{SensorCode::kWrongUnits, "", ""};
     results_ = PerFrame<LocateResult>({{LocatedFrame(), Finding(), Finding()}});
-    for (std::size_t i = 0; i < 3; ++i)
-      segmenter_.Store(TheRig().frames[i].depth, Certain(TheRig().labels[i]));
+    segmenter_ = TheRig().PerfectSegmenter();
   }
   static const Rig& TheRig() {
     static const Rig rig = ThreeApart(100);
@@ -293,54 +317,6 @@ SensorOutcome Placed() {
   sensor.status = SensorStatus::kOk;
   sensor.structure_from_sensor = Pose::Identity();
   return sensor;
-}
-
-TEST(DemoteIfNotFinite, LeavesFiniteNumbersAlone) {
-  SensorOutcome sensor = Placed();
-  DemoteIfNotFinite(&sensor);
-  EXPECT_EQ(sensor.status, SensorStatus::kOk);
-  EXPECT_EQ(sensor.code, SensorCode::kNone);
-  // Of a sensor without a pose no number counts.
-  sensor.structure_from_sensor.reset();
-  sensor.status = SensorStatus::kFailed;
-  sensor.code = SensorCode::kNoDepth;
-  sensor.miou = kNan;
-  DemoteIfNotFinite(&sensor);
-  EXPECT_EQ(sensor.code, SensorCode::kNoDepth);
-}
-
-TEST(DemoteIfNotFinite, ThePoseItselfFailsTheSensor) {
-  SensorOutcome sensor = Placed();
-  sensor.structure_from_sensor->translation().y() = kNan;
-  DemoteIfNotFinite(&sensor);
-  EXPECT_FALSE(sensor.structure_from_sensor);
-  EXPECT_EQ(sensor.status, SensorStatus::kFailed);
-  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
-}
-
-TEST(DemoteIfNotFinite, OtherNumbersMakeItWeakAndAreNamed) {
-  SensorOutcome sensor = Placed();
-  sensor.rms_to_structure_m = kNan;
-  sensor.covariance(2, 3) = std::numeric_limits<double>::infinity();
-  DemoteIfNotFinite(&sensor);
-  EXPECT_TRUE(sensor.structure_from_sensor);
-  EXPECT_EQ(sensor.status, SensorStatus::kWeak);
-  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
-  EXPECT_TRUE(Has(sensor.reason, "rms_to_structure_m", "covariance"));
-  EXPECT_FALSE(Has(sensor.reason, "miou"));
-
-  // What it was weak for before stays, but that it is uncertain.
-  sensor = Placed();
-  sensor.status = SensorStatus::kWeak;
-  sensor.code = SensorCode::kFewInliers;
-  sensor.reason = "few points";
-  sensor.miou = kNan;
-  DemoteIfNotFinite(&sensor);
-  EXPECT_EQ(sensor.code, SensorCode::kFewInliers);
-  EXPECT_EQ(sensor.reason.rfind("few points; not finite", 0), 0u) << sensor.reason;
-  sensor.code = SensorCode::kUncertain;
-  DemoteIfNotFinite(&sensor);
-  EXPECT_EQ(sensor.code, SensorCode::kNotFinite);
 }
 
 TEST(CalibrationResult, HasTheWorstVerdictAndCountsPoses) {
