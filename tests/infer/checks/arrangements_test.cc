@@ -13,7 +13,7 @@
 namespace volalign::arrangements_test {
 namespace {
 
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 TEST(Arrangements, ATurnOrExchangeThatChangesNothingIsInNoList) {
   const Structure structure = PaperStructure();

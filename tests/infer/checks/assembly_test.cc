@@ -9,15 +9,13 @@
 #include <string>
 #include <vector>
 
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::assembly_test {
 namespace {
 
-using testing_infer::FlipFrame;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// Footprint of a box, mm, in its place from the floor.
 struct Footprint {
@@ -54,7 +52,7 @@ std::vector<SensorView> ViewsOf(const Structure& built, double look_at_y,
   for (std::size_t i = 0; i < azimuths_deg.size(); ++i) {
     rig.Add("S" + std::to_string(i),
             RingPose(azimuths_deg[i], 2.1, look_at_y + 0.6, 90, {0, look_at_y, 0}), {true, 3.5});
-    testing_infer::AddNoise(&rig.frames.back().depth, 0.003, i);
+    AddNoise(&rig.frames.back().depth, 0.003, i);
   }
   std::vector<SensorView> seen;
   for (const SensorFrame& frame : rig.frames)
@@ -87,8 +85,7 @@ TEST(InspectAssembly, NamesWhatIsBuiltWrongly) {
   for (const Case& c : cases) {
     const AssemblyReport report = InspectViews(ViewsOf(c.built, -0.1), PaperStructure());
     EXPECT_EQ(report.arrangement.code, c.code) << c.sentence;
-    EXPECT_NE(report.arrangement.sentence.find(c.sentence), std::string::npos)
-        << report.arrangement.sentence << ", not " << c.sentence;
+    EXPECT_TRUE(Has(report.arrangement.sentence, c.sentence)) << ", not " << c.sentence;
     EXPECT_EQ(report.altered(), c.code != SensorCode::kNone);
     EXPECT_GT(report.share, 0.95) << c.sentence;
     EXPECT_EQ(report.seen_by.size(), 3u) << c.sentence;
@@ -125,7 +122,7 @@ TEST(InspectAssembly, NamesWhatIsDescribedWronglyOfOwnBoxes) {
   EXPECT_EQ(sentence({{500, 380, 300}, {300, 340, 420}, {480, 260, 330}}, middles),
             "box b0 lies on another edge");
   const std::string shifted = sentence(sizes, {{0, 0}, {90, 40}, {50, -30}});
-  EXPECT_NE(shifted.find("box b1 is shifted by -1"), std::string::npos) << shifted;
+  EXPECT_TRUE(Has(shifted, "box b1 is shifted by -1"));
   const std::string higher = sentence({sizes[0], sizes[2]}, {middles[0], middles[2]});
   EXPECT_NE(higher, "the boxes stand as described");
 }

@@ -11,8 +11,7 @@
 namespace volalign::seen_through_test {
 namespace {
 
-using testing_infer::Rig;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 constexpr double kRefuting = 100;
 /// What two sensors alone see of each other's surroundings is little.
@@ -34,7 +33,7 @@ struct Room {
     for (int i = 0; i < sensors; ++i) {
       rig.Add("S" + std::to_string(i),
               RingPose(80 + 360.0 / sensors * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
-      testing_infer::AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+      AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
       views.push_back(MakeSensorView(rig.frames.back().depth, rig.frames.back().intrinsics));
       poses.push_back(*rig.frames.back().ground_truth);
     }

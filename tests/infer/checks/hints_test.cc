@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "tests/core/base/pixels.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::hints_test {
@@ -12,9 +13,7 @@ namespace {
 /// Labels in a rectangle of a 64x48 image.
 LabelImage Marked(int u0, int u1, int v0, int v1) {
   LabelImage labels(64, 48);
-  for (int v = v0; v < v1; ++v) {
-    for (int u = u0; u < u1; ++u) labels(u, v) = 3;
-  }
+  for (const auto [u, v] : Pixels({u0, v0}, {u1, v1})) labels(u, v) = 3;
   return labels;
 }
 

@@ -3,18 +3,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
 
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::intrinsics_check_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::Render;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// A wide picture, so that exchanged coordinates of the principal point are far off.
 Intrinsics Wide() {

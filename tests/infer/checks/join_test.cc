@@ -9,12 +9,13 @@
 #include <vector>
 
 #include "core/geometry/metrics.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::join_test {
 namespace {
 
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 Pose Placement(double x, double yaw_deg) {
   Pose pose = Pose::Identity();
@@ -151,8 +152,8 @@ TEST(JoinCaptures, AFirstCaptureWithoutPosesIsTheReason) {
   captures.Join();
   for (const auto& [frame, finding] : captures.stood.contradicted) {
     EXPECT_EQ(finding.code, SensorCode::kUnconnected);
-    EXPECT_NE(finding.reason.find("no sensor was placed in capture 0"), std::string::npos);
-    EXPECT_NE(finding.hint.find("name another capture first"), std::string::npos);
+    EXPECT_TRUE(Has(finding.reason, "no sensor was placed in capture 0"));
+    EXPECT_TRUE(Has(finding.hint, "name another capture first"));
   }
   EXPECT_EQ(captures.stood.contradicted.size(), 4u);
 }

@@ -7,22 +7,17 @@
 
 #include <cmath>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
+#include "tests/core/base/pixels.h"
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::neighbours_test {
 namespace {
 
-using testing_infer::AddNoise;
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
-using testing_infer::Rig;
-using testing_infer::RingPose;
-using testing_infer::Scene;
+using namespace testing_infer;
 
 constexpr std::size_t kLost = 2;
 
@@ -48,7 +43,7 @@ void AddAmong(const std::vector<Box>& others, const std::string& name, const Pos
 LocateResult LocateLost(const Rig& rig, const CalibrateOptions& options = {}) {
   const LocateOptions locate{options.initial, options.refine, options.verdict, 2};
   const CaptureSet capture({{"", rig.frames}}, rig.structure);
-  const Seen seen = testing_infer::SeenWithLabels(capture, rig.labels);
+  const Seen seen = SeenWithLabels(capture, rig.labels);
   const PerFrame<LocateResult> alone = LocateAlone(seen, {std::nullopt}, locate);
   for (std::size_t i = 0; i < kLost; ++i)
     EXPECT_TRUE(std::holds_alternative<LocatedFrame>(alone[{0, i}])) << i;
@@ -154,18 +149,15 @@ TEST(LocateByNeighbours, NotWhereAnotherPoseDoesAsWell) {
     for (std::size_t i = 0; i < rig.frames.size(); ++i) AddNoise(&rig.frames[i].depth, 0.002, i);
     LabelOneSide("mid_bottom/front", &rig);
     SensorFrame& lost = rig.frames[kLost];
-    for (int v = 0; v < lost.depth.height(); ++v) {
-      for (int u = 0; u < lost.depth.width(); ++u) {
-        const Eigen::Vector2d ray =
-            testing_infer::RayThroughLens(lost.intrinsics, static_cast<double>(u), v);
-        const Eigen::Vector3d p =
-            *lost.ground_truth * Eigen::Vector3d(lost.depth(u, v) * ray.homogeneous());
-        const bool strip = rig.labels[kLost](u, v) > 0 && p.z() < -0.17;
-        const bool flush = std::abs(p.x() - 0.05) < 0.03 && p.y() < 0 && std::abs(p.z()) < 0.9;
-        const bool beside = p.x() < -0.5 && std::abs(p.z()) > 0.9;
-        if (!strip) rig.labels[kLost](u, v) = 0;
-        if (!strip && !flush && !beside) lost.depth(u, v) = 0;
-      }
+    for (const auto [u, v] : Pixels(lost.depth)) {
+      const Eigen::Vector2d ray = RayThroughLens(lost.intrinsics, static_cast<double>(u), v);
+      const Eigen::Vector3d p =
+          *lost.ground_truth * Eigen::Vector3d(lost.depth(u, v) * ray.homogeneous());
+      const bool strip = rig.labels[kLost](u, v) > 0 && p.z() < -0.17;
+      const bool flush = std::abs(p.x() - 0.05) < 0.03 && p.y() < 0 && std::abs(p.z()) < 0.9;
+      const bool beside = p.x() < -0.5 && std::abs(p.z()) > 0.9;
+      if (!strip) rig.labels[kLost](u, v) = 0;
+      if (!strip && !flush && !beside) lost.depth(u, v) = 0;
     }
     if (apart < 0.5) {
       ExpectNotPlaced(rig);

@@ -10,9 +10,7 @@
 namespace volalign::pose_quality_test {
 namespace {
 
-using testing_infer::Certain;
-using testing_infer::Coarse;
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 /// A wall 1 m in front of a sensor at `distance` from the front face (x = 0.275) of the box at the
 /// bottom, looking at its middle: every pixel within the face by 5 cm or more.
@@ -27,8 +25,8 @@ struct HeadOn {
     intrinsics.fx = intrinsics.fy = 100;  // 8 x 4 cm of the face at 0.4 m
     const DepthImage depth(20, 10, static_cast<float>(measured));
     view = MakeSensorView(depth, intrinsics);
-    labels = Certain(LabelImage(
-        20, 10, static_cast<std::uint8_t>(testing_infer::LabelOf(structure, "bottom/front"))));
+    labels =
+        Certain(LabelImage(20, 10, static_cast<std::uint8_t>(LabelOf(structure, "bottom/front"))));
   }
 };
 
@@ -59,31 +57,6 @@ TEST(FitToSurface, LeavesOutWhatIsFarOffAndWhatHasNoLabelOrDepth) {
   EXPECT_EQ(fit.points, 160);
   EXPECT_NEAR(fit.rms_m, std::sqrt(120.0 * 0.02 * 0.02 / 140), 1e-6);
   EXPECT_NEAR(fit.inlier_share, 140.0 / 160, 1e-12);
-}
-
-TEST(MeasureQuality, IsOfThePoseThatItIsGiven) {
-  const Structure structure = PaperStructure();
-  const Intrinsics intrinsics = testing_infer::Kinect();
-  const Pose truth = testing_infer::RingPose(40);
-  const auto rendered = testing_infer::Render(structure, intrinsics, truth);
-  const SensorView view = MakeSensorView(rendered.depth, intrinsics);
-  const SegmentationResult labels = Certain(rendered.labels);
-  const std::vector<SidePatch> patches = CollectPatches(view, labels, structure);
-  const PoseQuality right = MeasureQuality(view, labels, patches, structure, truth);
-  EXPECT_NEAR(right.miou, 1, 1e-9);
-  EXPECT_NEAR(right.label_iou, 1, 1e-9);
-  EXPECT_NEAR(right.explained_share, 1, 1e-9);
-  EXPECT_EQ(right.sides.size(), patches.size());
-  Pose wrong = truth;
-  wrong.translation().y() += 0.1;
-  const PoseQuality off = MeasureQuality(view, labels, patches, structure, wrong);
-  const ExpectedView seen = CastView(structure, view.rays, wrong);
-  MiouOptions options;
-  options.num_classes = structure.num_classes();
-  EXPECT_NEAR(off.miou, MeanIou(labels.labels, seen.labels, view.depth, options), 1e-12);
-  EXPECT_LT(off.miou, 0.95);
-  EXPECT_LT(off.label_iou, 0.95);
-  EXPECT_LT(off.sides.size(), patches.size());
 }
 
 TEST(CompareWithSurface, OfPointsAtAKnownDistance) {

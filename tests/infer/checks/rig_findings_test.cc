@@ -6,6 +6,7 @@
 #include <tuple>
 #include <vector>
 
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::rig_findings_test {
@@ -51,7 +52,7 @@ TEST(RigFindings, EveryQuantityBeyondThreeSigmasHasItsOwn) {
     ASSERT_EQ(findings.size(), 1U) << c.words;
     EXPECT_EQ(findings[0].code, c.code);
     EXPECT_EQ(findings[0].about, c.about);
-    EXPECT_NE(findings[0].reason.find(c.words), std::string::npos) << findings[0].reason;
+    EXPECT_TRUE(Has(findings[0].reason, c.words));
     EXPECT_FALSE(findings[0].hint.empty());
     refined.quantities[0].value /= 3;
     EXPECT_TRUE(Explain(refined).empty()) << c.words;
@@ -77,9 +78,9 @@ TEST(RigFindings, ABoxTakesThePlaceOfTheSizeWhereItExplainsMore) {
 TEST(RigFindings, ABoxThatTurnedHasTheLengthOfItsOtherEdge) {
   RefineResult refined;
   refined.wrong_edge = RefinedEdge{0, 0, -0.195, 0.002, 12};  // 600 mm, and 400 mm along z
-  EXPECT_NE(Explain(refined)[0].hint.find("may be turned by 90 deg"), std::string::npos);
+  EXPECT_TRUE(Has(Explain(refined)[0].hint, "may be turned by 90 deg"));
   refined.wrong_edge->change = -0.05;
-  EXPECT_EQ(Explain(refined)[0].hint.find("turned"), std::string::npos);
+  EXPECT_FALSE(Has(Explain(refined)[0].hint, "turned"));
 }
 
 /// FindCoveredSides of TwoBoxes where two sensors at this height, m, see these boxes on them, too.
@@ -128,8 +129,7 @@ TEST(RigFindings, PairsFarBeyondTheirPrediction) {
   const std::vector<RigFinding> findings = FindPairsApart(refined, {"S0", "S1"});
   ASSERT_EQ(findings.size(), 1U);
   EXPECT_EQ(findings[0].about, (std::vector<std::string>{"S0", "S1"}));
-  EXPECT_NE(findings[0].reason.find("14.4 mm RMS apart; 3.6 mm are predicted"), std::string::npos)
-      << findings[0].reason;
+  EXPECT_TRUE(Has(findings[0].reason, "14.4 mm RMS apart; 3.6 mm are predicted"));
 }
 
 // A depth scale that is 2 % wrong: no pair alone says it.

@@ -1,5 +1,7 @@
 #include "infer/checks/verdict.h"
 
+#include "tests/core/base/expect_error.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -74,7 +76,7 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
     const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
     ASSERT_TRUE(weakness.has_value()) << ToString(c.code);
     EXPECT_EQ(weakness->code, c.code) << ToString(weakness->code);
-    EXPECT_NE(weakness->reason.find(c.words), std::string::npos) << weakness->reason;
+    EXPECT_TRUE(Has(weakness->reason, c.words));
     EXPECT_NE(weakness->hint, "");
   }
 }
@@ -96,7 +98,7 @@ TEST(FindWeakness, WhatCountsIsThePositionOfTheSensorItself) {
   const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
   ASSERT_TRUE(weakness.has_value());
   EXPECT_EQ(weakness->code, SensorCode::kUncertain);
-  EXPECT_NE(weakness->reason.find("44.2 mm and 1.10 deg"), std::string::npos) << weakness->reason;
+  EXPECT_TRUE(Has(weakness->reason, "44.2 mm and 1.10 deg"));
   // The same turn about the sensor moves it nowhere.
   Matrix6d about_sensor = Matrix6d::Identity();
   about_sensor.topRightCorner<3, 3>() = Cross(facts.structure_from_sensor.translation());
@@ -116,8 +118,7 @@ TEST(FindWeakness, WhatCountsIsTheAxisThatIsKnownLeast) {
         each * each * oblique * oblique.transpose();
     const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
     ASSERT_TRUE(weakness.has_value());
-    EXPECT_NE(weakness->reason.find(rotation ? "2.08 deg" : "27.7 mm"), std::string::npos)
-        << weakness->reason;
+    EXPECT_TRUE(Has(weakness->reason, rotation ? "2.08 deg" : "27.7 mm"));
   }
 }
 
@@ -129,7 +130,7 @@ TEST(FindWeakness, FoundByGeometryAloneAndOtherBoxesCouldLookSo) {
   const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
   ASSERT_TRUE(weakness.has_value());
   EXPECT_EQ(weakness->code, SensorCode::kAmbiguous);
-  EXPECT_NE(weakness->reason.find("only 40 : 1"), std::string::npos) << weakness->reason;
+  EXPECT_TRUE(Has(weakness->reason, "only 40 : 1"));
 }
 
 TEST(FindWeakness, AnUncertaintyThatIsNoNumberIsUncertain) {
@@ -155,10 +156,9 @@ TEST(FindDuplicates, NamesSensorsInOnePlaceWithOneDirection) {
   const auto duplicates = FindDuplicates({"A", "B", "C", "D"}, {a, near, turned, std::nullopt});
   ASSERT_TRUE(duplicates[0].has_value());
   EXPECT_EQ(duplicates[0]->code, SensorCode::kSamePose);
-  EXPECT_NE(duplicates[0]->reason.find("where B stands, within 19.0 mm"), std::string::npos)
-      << duplicates[0]->reason;
+  EXPECT_TRUE(Has(duplicates[0]->reason, "where B stands, within 19.0 mm"));
   ASSERT_TRUE(duplicates[1].has_value());
-  EXPECT_NE(duplicates[1]->reason.find("where A stands"), std::string::npos);
+  EXPECT_TRUE(Has(duplicates[1]->reason, "where A stands"));
   EXPECT_FALSE(duplicates[2].has_value());  // the same place, another direction
   EXPECT_FALSE(duplicates[3].has_value());  // not placed
 }

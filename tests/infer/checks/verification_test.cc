@@ -9,13 +9,13 @@
 #include <vector>
 
 #include "infer/checks/hints.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::verification_test {
 namespace {
 
-using testing_infer::LabelOf;
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 SidePatch Patch(double area, double confidence) {
   SidePatch patch;
@@ -90,7 +90,7 @@ TEST(VerifyOwnPose, EveryLimitCounts) {
     const std::optional<Finding> finding = sensor.Verify();
     ASSERT_TRUE(finding.has_value()) << c.words;
     EXPECT_EQ(finding->code, c.code) << finding->reason;
-    EXPECT_NE(finding->reason.find(c.words), std::string::npos) << finding->reason;
+    EXPECT_TRUE(Has(finding->reason, c.words));
     EXPECT_EQ(finding->hint, kLookHint);
   }
 }
@@ -130,9 +130,8 @@ TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
   std::optional<Finding> finding = sensor.Verify();
   ASSERT_TRUE(finding.has_value());
   EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
-  EXPECT_NE(finding->reason.find("50 % better with fx = 300.0, fy = 300.0"), std::string::npos)
-      << finding->reason;
-  EXPECT_NE(finding->reason.find("75 % of the structure, 50 % as given"), std::string::npos);
+  EXPECT_TRUE(Has(finding->reason, "50 % better with fx = 300.0, fy = 300.0"));
+  EXPECT_TRUE(Has(finding->reason, "75 % of the structure, 50 % as given"));
   // One that does not is explained by them, however little they change.
   sensor.better.size = 0.03;
   ASSERT_FALSE(sensor.Verify().has_value());
