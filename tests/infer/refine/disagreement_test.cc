@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/QR>
-#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -18,9 +17,7 @@
 namespace volalign::refine_internal::disagreement_test {
 namespace {
 
-using testing_infer::Observe;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 constexpr double kSigma = 0.002;  // m, of each observation
 constexpr int kBox = 2;           // the one that stands elsewhere
@@ -54,7 +51,7 @@ struct OddOne {
     options.bulge_sigma_m = 0;
     for (const double azimuth : azimuths_deg) {
       poses.push_back(RingPose(azimuth));
-      frames.push_back({testing_infer::Borrowed(points), poses.back()});
+      frames.push_back({Borrowed(points), poses.back()});
     }
     problem = std::make_unique<JointProblem>(structure, frames, options);
     asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, poses.size());
@@ -274,7 +271,7 @@ TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
     point.label = 1;
     spoilt.side_points.push_back(point);
   }
-  scene.frames[0].points = testing_infer::Borrowed(spoilt);
+  scene.frames[0].points = Borrowed(spoilt);
   const std::vector<bool> excluded = scene.Excluded();
   EXPECT_FALSE(excluded[0]);
   EXPECT_TRUE(excluded[1]);

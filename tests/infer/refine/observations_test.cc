@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <iterator>
-#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -22,12 +21,12 @@
 namespace volalign::refine_internal::observations_test {
 namespace {
 
-using testing_infer::PaperStructure;
+using namespace testing_infer;
 
 /// Points of one image block on the top box's front, seen head on from 1.5 m: `off` in front of it.
 struct Block {
   Structure structure = PaperStructure();
-  int label = testing_infer::LabelOf(structure, "top/front");
+  int label = LabelOf(structure, "top/front");
   Pose pose = Pose::Identity();
   SensorPoints points;
 
@@ -111,8 +110,8 @@ TEST(WidenOutliers, CountsWhatExceedsTheLimitAndLeavesTheOthers) {
   constexpr std::size_t kOdd = 20;
   const Structure structure = PaperStructure();
   const BuildModel model(structure);
-  const Pose pose = testing_infer::RingPose(35);
-  const FrameObservations exact = testing_infer::Observe(structure, pose, 14);
+  const Pose pose = RingPose(35);
+  const FrameObservations exact = Observe(structure, pose, 14);
   ASSERT_GT(exact.faces.size(), 60u);
   const auto widened = [&](double off, double offset_sigma = 0) {
     FrameObservations observed = exact;
@@ -120,8 +119,7 @@ TEST(WidenOutliers, CountsWhatExceedsTheLimitAndLeavesTheOthers) {
     odd.p += off * pose.linear().transpose() * structure.SideOfLabel(odd.label).normal;
     Priors priors;
     priors.offset = offset_sigma;
-    WidenOutliers(model, testing_infer::ParameterPoint(model, pose).Parameters(), priors,
-                  &observed);
+    WidenOutliers(model, ParameterPoint(model, pose).Parameters(), priors, &observed);
     for (std::size_t k = 0; k < exact.faces.size(); ++k) {
       if (k != kOdd) {
         EXPECT_EQ(observed.faces[k].variance, exact.faces[k].variance) << k;
@@ -135,12 +133,6 @@ TEST(WidenOutliers, CountsWhatExceedsTheLimitAndLeavesTheOthers) {
   // 5 cm, less the little that the fit follows: 4 (size^2 - limit^2).
   EXPECT_NEAR(std::sqrt(widened(0.05, 0.007) / 4), 0.05, 0.003);
 }
-
-}  // namespace
-}  // namespace volalign::refine_internal::observations_test
-
-namespace volalign {
-namespace {
 
 /// Whether all pixels up to `reach` rows and columns away have the label.
 bool IsOneSide(const LabelImage& labels, int u, int v, int reach) {
@@ -159,23 +151,10 @@ double OutsideOfSide(const Structure& structure, const Pose& pose, const EdgePoi
   return std::abs(du) < std::abs(dv) ? du : dv;
 }
 
-}  // namespace
-}  // namespace volalign
-
-namespace volalign::sensor_points_test {
-namespace {
-
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::PointsOf;
-using testing_infer::Rig;
-using testing_infer::RingOfEight;
-using testing_infer::RingPose;
-
 TEST(PixelNormals, AreTheFacesOwn) {
   const Structure structure = PaperStructure();
   const Pose pose = RingPose(40);
-  const auto rendered = testing_infer::Render(structure, Kinect(), pose);
+  const auto rendered = Render(structure, Kinect(), pose);
   const SensorView view = MakeSensorView(rendered.depth, Kinect());
   int tested = 0;
   for (int v = 4; v < view.height() - 4; v += 3) {
@@ -224,8 +203,7 @@ TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
     RefineOptions options;
     options.max_side_points = 1000;
     for (const SidePoint& point :
-         SamplePoints(view, testing_infer::Certain(labels), rig.structure, options, 0.5)
-             .side_points)
+         SamplePoints(view, Certain(labels), rig.structure, options, 0.5).side_points)
       points.push_back({point.p.x(), point.p.y(), point.p.z()});
     std::sort(points.begin(), points.end());
     return points;
@@ -268,7 +246,7 @@ TEST(SidePoints, OfAStereoPairSayWhereItsMatcherAddsSome) {
           MakeSensorView(depth, rig.frames[i].intrinsics,
                          ErrorsOf(stereo ? "realsense_d415" : "azure_kinect_nfov_binned"));
       const SensorPoints sampled =
-          SamplePoints(view, testing_infer::Certain(labels), rig.structure, RefineOptions(), 0.5);
+          SamplePoints(view, Certain(labels), rig.structure, RefineOptions(), 0.5);
       for (const SidePoint& point : sampled.side_points) {
         const Side& side = rig.structure.SideOfLabel(point.label);
         const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
@@ -294,8 +272,7 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
         MakeSensorView(depth, rig.frames[0].intrinsics, ErrorsOf("realsense_d415"));
     RefineOptions all;
     all.max_side_points = static_cast<int>(depth.size());
-    const SensorPoints points =
-        SamplePoints(view, testing_infer::Certain(rig.labels[0]), rig.structure, all, 0.5);
+    const SensorPoints points = SamplePoints(view, Certain(rig.labels[0]), rig.structure, all, 0.5);
     return std::count_if(points.side_points.begin(), points.side_points.end(),
                          [](const SidePoint& point) { return point.lateral_sigma_rad == 0; });
   };
@@ -311,27 +288,17 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
   EXPECT_GT(sampled(depth) + holes, sampled(rig.frames[0].depth) * 98 / 100);
 }
 
-}  // namespace
-}  // namespace volalign::sensor_points_test
-
 // Silhouettes with nothing behind them: they lie on the edges of sides, and what only looks like
 // one is none.
-namespace volalign::silhouettes_test {
-namespace {
-
-using testing_infer::Certain;
-using testing_infer::Kinect;
-using testing_infer::PaperStructure;
-using testing_infer::RingPose;
 
 /// The structure before nothing.
 struct Frame {
   Structure structure = PaperStructure();
   Pose pose;
-  testing_infer::SyntheticView rendered;
+  SyntheticView rendered;
 
   explicit Frame(const Pose& from)
-      : pose(from), rendered(testing_infer::Render(structure, Kinect(), from, {false, 0})) {}
+      : pose(from), rendered(Render(structure, Kinect(), from, {false, 0})) {}
 
   /// Takes depth and labels away where `gone(u, v)`.
   template <class Gone>
@@ -381,7 +348,7 @@ TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
 TEST(OneSided, LieOnTheEdgesOfTheirSides) {
   for (const double phi : {20.0, 90.0, 215.0}) {
     Frame frame(RingPose(phi));
-    testing_infer::LeaveGaps(&frame.rendered.depth, &frame.rendered.labels, 1, 4, 7);
+    LeaveGaps(&frame.rendered.depth, &frame.rendered.labels, 1, 4, 7);
     const Silhouettes found = frame.Find();
     ASSERT_GT(found.one_sided.size(), 60u) << phi;
     double sum = 0;
@@ -478,12 +445,6 @@ TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
   EXPECT_LE(taken, on_border / 10);
 }
 
-}  // namespace
-}  // namespace volalign::silhouettes_test
-
-namespace volalign::refine_internal::box_edges_test {
-namespace {
-
 // LikeliestEdge: tests/infer/calib/hypotheses_test.cc.
 
 double Bottom(const Structure& structure, std::size_t box) {
@@ -514,4 +475,4 @@ TEST(WithEdge, AHigherBoxLiftsWhatRestsOnItAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::box_edges_test
+}  // namespace volalign::refine_internal::observations_test

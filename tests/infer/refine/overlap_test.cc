@@ -3,10 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <numeric>
-#include <utility>
 #include <vector>
 
 #include "core/geometry/sensor_kind.h"
@@ -165,12 +163,6 @@ TEST(ChooseOverlapPoints, ChangesLittleWithThePose) {
   EXPECT_GT(both.size(), 680u);
 }
 
-}  // namespace
-}  // namespace volalign::refine_internal::overlap_test
-
-namespace volalign::refine_internal::pair_overlap_test {
-namespace {
-
 TEST(FindOverlaps, TrustsTheKindWhereNothingIsMeasured) {
   testing_infer::TwoSensors two(testing_infer::Strip(true, 2), testing_infer::Strip(true, 2));
   SensorLens lens;
@@ -232,12 +224,6 @@ TEST(FindOverlaps, LeavesOutAHeldFrame) {
   EXPECT_EQ(pairs({1, 0}), 0u);
 }
 
-}  // namespace
-}  // namespace volalign::refine_internal::pair_overlap_test
-
-namespace volalign::refine_internal::association_test {
-namespace {
-
 /// 20 x 10 cm about the origin, facing up.
 Side Table() {
   Side side;
@@ -292,4 +278,4 @@ TEST(LiesOnItsSide, AsksForDistanceAndDirection) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::association_test
+}  // namespace volalign::refine_internal::overlap_test

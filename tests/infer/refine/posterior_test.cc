@@ -1,7 +1,6 @@
 #include "infer/refine/posterior.h"
 
 #include <gtest/gtest.h>
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include <cmath>
@@ -119,12 +118,6 @@ TEST(GaugeProjection, TakesOutWhatAllBoxesDoTogether) {
   const Eigen::VectorXd left = projection * apart;
   for (const double step : {-0.1, 0.1}) EXPECT_GT(cost(left + step * together), cost(left));
 }
-
-}  // namespace
-}  // namespace volalign::refine_internal::posterior_test
-
-namespace volalign::refine_internal::prior_scales_test {
-namespace {
 
 /// Measurements y = A x + e, e of standard deviation 1, of parameters x whose priors are normal.
 struct Linear {
@@ -281,4 +274,4 @@ TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::prior_scales_test
+}  // namespace volalign::refine_internal::posterior_test

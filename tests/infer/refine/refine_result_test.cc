@@ -7,17 +7,18 @@
 #include <utility>
 #include <vector>
 
+#include "tests/core/base/expect_error.h"
 #include "tests/infer/refine/points_and_observations.h"
 
 namespace volalign::refine_internal::refine_result_test {
 namespace {
 
-using testing_infer::RingPose;
+using namespace testing_infer;
 
 /// Two sensors that see the stack in two places, of it the same picture, with a posterior in which
 /// everything is correlated with everything.
 struct TwoCaptures {
-  testing_infer::Neighbours neighbours;
+  Neighbours neighbours;
   std::vector<FrameInput> frames;
   RefineOptions options;
   std::vector<SensorLens> lenses{1};
@@ -117,10 +118,10 @@ TEST(MakeResult, WhatIsNotEstimatedIsNominal) {
 TEST(MakeResult, NumbersThatFailedAreNamed) {
   TwoCaptures two;
   two.unsolved[1] = 1;
-  EXPECT_NE(two.Result().frames[1].problem.find("not finite"), std::string::npos);
+  EXPECT_TRUE(Has(two.Result().frames[1].problem, "not finite"));
   EXPECT_EQ(two.Result().frames[0].problem, "");
   two.posterior.exact = false;
-  EXPECT_NE(two.Result().frames[0].problem.find("uncertainty"), std::string::npos);
+  EXPECT_TRUE(Has(two.Result().frames[0].problem, "uncertainty"));
 }
 
 // Poses and placements are drawn from the posterior together; how the frames' poses in the first
@@ -142,12 +143,12 @@ TEST(MakeResult, CovarianceInTheFirstCaptureIsThatOfTheProduct) {
       joint.bottomLeftCorner<6, 6>() = two.posterior.covariance.block<6, 6>(place, pose);
     }
     EXPECT_TRUE(frame.covariance.isApprox(joint.topLeftCorner<6, 6>(), 1e-9));
-    const Eigen::MatrixXd root = testing_infer::RootOf(joint);
+    const Eigen::MatrixXd root = RootOf(joint);
     RandomStream random(i, 0, "draws");
     constexpr int kDraws = 20000;
     Matrix6d sum = Matrix6d::Zero();
     for (int k = 0; k < kDraws; ++k) {
-      const Eigen::VectorXd drawn = root * testing_infer::WhiteNoise(12, random);
+      const Eigen::VectorXd drawn = root * WhiteNoise(12, random);
       const Pose product = PerturbLeft(drawn.tail<6>(), placement) *
                            PerturbLeft(drawn.head<6>(), frame.structure_from_sensor);
       const Vector6d delta = LeftDifference(frame.first_from_sensor, product);
@@ -210,8 +211,8 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
   // No evidence has a face: no box is seen, and none was estimated.
   EXPECT_FALSE(box.estimated);
   FaceObservation face;
-  face.label = testing_infer::LabelOf(two.neighbours.rig.structure,
-                                      two.neighbours.rig.structure.boxes()[2].name + "/front");
+  face.label = LabelOf(two.neighbours.rig.structure,
+                       two.neighbours.rig.structure.boxes()[2].name + "/front");
   two.agreed.solution.observed[3].faces = {face};
   EXPECT_TRUE(two.Result().placements[1].boxes[2].estimated);
   EXPECT_FALSE(two.Result().placements[1].boxes[1].estimated);

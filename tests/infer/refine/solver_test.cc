@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <string>
@@ -28,6 +27,8 @@
 
 namespace volalign::refine_internal::solver_test {
 namespace {
+
+using namespace testing_infer;
 
 /// x - 3, or nothing at all.
 class Line : public ceres::SizedCostFunction<1, 2> {
@@ -66,14 +67,6 @@ TEST(CeresVersion, BeginsWithItsNumber) {
   EXPECT_EQ(CeresVersion().rfind(number, 0), 0u) << CeresVersion();
 }
 
-}  // namespace
-}  // namespace volalign::refine_internal::solver_test
-
-namespace volalign::refine_internal::pose_block_test {
-namespace {
-
-using testing_infer::RandomPose;
-
 TEST(LeftPoseManifold, PlusIsPerturbLeft) {
   RandomStream random(5, 0, "plus");
   for (int trial = 0; trial < 30; ++trial) {
@@ -90,7 +83,7 @@ TEST(LeftPoseManifold, PlusIsPerturbLeft) {
   }
 }
 
-// PlusJacobian itself is against differences in each test of a cost (terms_test.cc).
+// PlusJacobian itself is against differences in the test of the columns (parameters_test.cc).
 TEST(LeftPoseManifold, MinusJacobianUndoesPlusJacobian) {
   RandomStream random(6, 0, "manifold");
   const LeftPoseManifold manifold;
@@ -104,14 +97,8 @@ TEST(LeftPoseManifold, MinusJacobianUndoesPlusJacobian) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::refine_internal::pose_block_test
-
-namespace volalign::refine_internal::build_model_test {
-namespace {
-
 TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
-  const Structure structure = testing_infer::PaperStructure();
+  const Structure structure = PaperStructure();
   const BuildModel model(structure);
   std::vector<double> boxes(3 * structure.boxes().size(), 0);
   EXPECT_EQ(boxes.size(), 3 * structure.boxes().size());
@@ -136,12 +123,6 @@ TEST(BuildModel, MovesTurnsAndGrowsOnTheSameFloor) {
   }
 }
 
-}  // namespace
-}  // namespace volalign::refine_internal::build_model_test
-
-namespace volalign::options_test {
-namespace {
-
 TEST(ParseEstimate, NamesItsWords) {
   EXPECT_TRUE(ParseEstimate("auto").boxes);
   EXPECT_TRUE(ParseEstimate("auto").depth_offset);
@@ -152,14 +133,6 @@ TEST(ParseEstimate, NamesItsWords) {
   for (const char* bad : {"", "boxes,,size", "box", "auto,size", "size,"})
     ExpectError<ConfigError>([&] { ParseEstimate(bad); }, {"refine.estimate", "depth_offset"});
 }
-
-}  // namespace
-}  // namespace volalign::options_test
-
-namespace volalign::refine_internal::solution_test {
-namespace {
-
-using testing_infer::Neighbours;
 
 TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
   const Neighbours made;
@@ -188,14 +161,13 @@ TEST(Solve, TellsBulgesFromPoses) {
   constexpr double kBulge = 0.003;
   std::map<int, int> seen;
   for (const Pose& pose : made.poses) {
-    for (const FaceObservation& face : testing_infer::Observe(structure, pose, 8).faces)
-      ++seen[face.label];
+    for (const FaceObservation& face : Observe(structure, pose, 8).faces) ++seen[face.label];
   }
   const int bulging = std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) {
                         return a.second < b.second;
                       })->first;
   for (std::size_t i = 0; i < 2; ++i) {
-    FrameObservations observed = testing_infer::Observe(structure, made.poses[i], 8);
+    FrameObservations observed = Observe(structure, made.poses[i], 8);
     const DepthErrorModel errors = ErrorsOf("");
     for (FaceObservation& face : observed.faces) {
       const Side& side = structure.SideOfLabel(face.label);
@@ -269,4 +241,4 @@ TEST(AssociateAndSolve, GoesOnWithoutASensorWhoseNumbersFail) {
 }
 
 }  // namespace
-}  // namespace volalign::refine_internal::solution_test
+}  // namespace volalign::refine_internal::solver_test
