@@ -29,7 +29,8 @@ void SetFinding(SensorStatus status, const Finding& finding, FrameResult* sensor
 
 void TakeRefinement(const RefinedFrame& refined, const Pose& initial, FrameResult* sensor) {
   sensor->initial = initial;
-  if (refined.refused_fit) sensor->together = refined.refused_fit->structure_from_sensor;
+  if (refined.refused_fit && refined.refused_fit->disagrees)
+    sensor->together = refined.refused_fit->structure_from_sensor;
   sensor->disagreement = refined.disagreement;
   sensor->structure_from_sensor = refined.structure_from_sensor;
   sensor->covariance = refined.covariance;

@@ -91,10 +91,10 @@ OwnMeasurements MeasurementsOf(const JointProblem& problem, const Solution& solu
   return {problem.layout.ColumnsOf(frame), {j.transpose() * j, j.transpose() * r}};
 }
 
-bool Innovation::IsUnlikely() const {
+bool Innovation::IsUnlikely(double freedom) const {
   if (predicted == 0) return false;
   const double n = static_cast<double>(predicted), root = std::cbrt(2 * cost / n);
-  const double spread = 2 / (9 * n), of_noise = 2 / (9 * kNoiseFreedom);
+  const double spread = 2 / (9 * n), of_noise = 2 / (9 * freedom);
   return root * (1 - of_noise) - (1 - spread) >
          kClearly * std::hypot(root * std::sqrt(of_noise), std::sqrt(spread));
 }
@@ -184,6 +184,18 @@ std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame
   return contradicted;
 }
 
+/// Does a frame disagree, or is it unusual and its sensor has another frame?
+bool IsOdd(const JointProblem& problem, const Agreed& agreed, std::size_t frame) {
+  bool has_another = false;
+  for (std::size_t i = 0; i < problem.size(); ++i) {
+    has_another = has_another || (i != frame && !agreed.solution.held[i] &&
+                                  problem.frame_of[i].sensor == problem.frame_of[frame].sensor);
+  }
+  const Disagreement& measured = agreed.measured[frame];
+  return measured.Disagrees() ||
+         (has_another && measured.IsUnlikely(std::numeric_limits<double>::infinity()));
+}
+
 /// The frame to exclude, if `worst` disagrees most. A sensor that has moved disagrees in all its
 /// frames. With three or more of them, the frame that begins farthest from the others is excluded.
 std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
@@ -199,7 +211,7 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   if (frames.size() < 3) return worst;
   double farthest = 0;
   for (std::size_t k = 0; k < frames.size(); ++k) {
-    if (!agreed.measured[frames[k]].Disagrees()) continue;
+    if (!IsOdd(problem, agreed, frames[k])) continue;
     double sum = 0;
     for (const Eigen::Vector3d& other : places) sum += (other - places[k]).norm();
     if (sum <= farthest) continue;
@@ -278,7 +290,7 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.held[i]) continue;
       agreed.measured[i] = measured[i];
-      if (settled[i] || !problem.frames[i].excluded.value_or(measured[i].Disagrees())) continue;
+      if (settled[i] || !problem.frames[i].excluded.value_or(IsOdd(problem, agreed, i))) continue;
       if (!worst || measured[i].cost > measured[*worst].cost) worst = i;
     }
     if (!worst) break;
@@ -298,11 +310,11 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     }
     const QuadraticCost own = CostAround(problem, *alone);
     const Eigen::Index column = problem.layout.Pose(*worst);
-    agreed.of[*worst] =
-        ExcludedFrame{agreed.solution.state.poses[*worst].ToPose(),
-                      FindContradicted(problem, cost, *worst), std::move(alone->state),
-                      ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
-                          .covariance.block<6, 6>(column, column)};
+    agreed.of[*worst] = ExcludedFrame{
+        agreed.solution.state.poses[*worst].ToPose(), agreed.measured[*worst].Disagrees(),
+        FindContradicted(problem, cost, *worst), std::move(alone->state),
+        ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
+            .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);
   }
   return agreed;

@@ -30,9 +30,9 @@ struct Innovation {
   std::size_t predicted = 0;  ///< number of independent measurements in the sum
 
   /// Is the cost larger than a variable with the F distribution, at three sigmas of a normal one?
-  /// Paulson, "An Approximate Normalization of the Analysis of Variance Distribution", 1942. The
-  /// frame's variance factor has kNoiseFreedom degrees of freedom.
-  bool IsUnlikely() const;
+  /// Paulson, "An Approximate Normalization of the Analysis of Variance Distribution", 1942.
+  /// `freedom`: see kNoiseFreedom; infinite if the variance factor is known.
+  bool IsUnlikely(double freedom = kNoiseFreedom) const;
 };
 /// How far a frame's own measurements are from the prediction by all others and the priors.
 struct Disagreement : Innovation {
@@ -52,6 +52,7 @@ Disagreement DisagreementOf(const OwnMeasurements& own, const NormalEquations& p
 /// The result for an excluded frame.
 struct ExcludedFrame {
   Pose together;                 ///< its pose in the joint solution with it
+  bool disagrees = true;         ///< false: unusual, and its sensor has another frame
   std::vector<int> contradicts;  ///< the frames that show it, the clearest first
   State alone;                   ///< what its own measurements and the priors make most probable
   Matrix6d covariance;           ///< of its pose in that
@@ -67,7 +68,9 @@ struct Agreed {
 /// measurements have it. The others are solved again without its observations, beginning with
 /// everything in `asked_for` free. A frame that cannot be solved alone stays. A majority of the
 /// sensors stays, or a majority of a sensor's frames if it has three or more. Between two, it is
-/// unknown which one is wrong.
+/// unknown which one is wrong. A frame that is only unusual (a known variance factor makes it
+/// unlikely) is excluded, too, if its sensor has another frame, which then places the sensor
+/// better.
 ///
 /// The test leaves the boxes and their size as free as their priors allow, even if `asked_for`
 /// fixes them. The solution then fixes them again. If both priors are zero, the test fixes them,

@@ -16,6 +16,7 @@ namespace volalign {
 /// The fit that an excluded frame would have in the joint solution.
 struct RefusedFit {
   Pose structure_from_sensor = Pose::Identity();  ///< in the joint solution with the frame
+  bool disagrees = true;         ///< false: unusual, and its sensor has another frame
   std::vector<int> contradicts;  ///< indices of the frames that show it, the clearest first
   Structure built;               ///< as the frame itself has it
 };

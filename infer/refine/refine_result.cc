@@ -57,8 +57,8 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
     frame.depth_offset = excluded->alone.offsets[i];
     frame.depth_gain = 1 + excluded->alone.Errors(i)[kGain];
     frame.own_focal = excluded->alone.Errors(i)[kFocal];
-    frame.refused_fit =
-        RefusedFit{excluded->together, excluded->contradicts, excluded->alone.Built(i)};
+    frame.refused_fit = RefusedFit{excluded->together, excluded->disagrees, excluded->contradicts,
+                                   excluded->alone.Built(i)};
   }
   frame.first_from_sensor =
       state.placements[state.EvaluationCaptureOf(i)].ToPose() * frame.structure_from_sensor;

@@ -258,8 +258,8 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
   const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
   EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
-  two.agreed.of[3] =
-      ExcludedFrame{Pose::Identity(), {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
+  two.agreed.of[3] = ExcludedFrame{
+      Pose::Identity(), true, {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
   const RefineResult result = two.Result();
   EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
