@@ -295,7 +295,8 @@ std::shared_ptr<const PartMesh> PartMesh::Make(std::vector<Eigen::Vector3d> vert
         throw DataError(fmt::format("a triangle has the vertex {} of {}", i, vertices.size()));
   for (const Eigen::Vector3d& p : vertices)
     if (!(p.cwiseAbs().maxCoeff() < kFarthestVertex))
-      throw DataError(fmt::format("a vertex is not finite, or more than {:g} m away", kFarthestVertex));
+      throw DataError(
+          fmt::format("a vertex is not finite, or more than {:g} m away", kFarthestVertex));
   if (triangles.size() > kMostTriangles) {
     throw DataError(fmt::format("{} triangles violate triangles <= {}: simplify the mesh",
                                 triangles.size(), kMostTriangles));
