@@ -173,11 +173,9 @@ Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::ui
   AssembledStructure built = Assemble(context.structure, config.assembly, seed, index);
   sample.box_offsets = std::move(built.box_offsets);
   sample.size_scale = built.size_scale;
-  RandomStream presence_random(seed, index, "structure");
   SceneOptions options;
   options.structure_from_room = built.structure_from_room;
   options.room_probability = config.scene.room_probability;
-  options.structure_present = presence_random.Chance(config.scene.structure_probability);
   options.structure_from_sensors = {sample.structure_from_sensor};
   const SceneMesh mesh = BuildScene(config.scene, built.structure, options, seed, index);
 

@@ -43,9 +43,8 @@ struct PoseConfig {
   }
 };
 
-/// A scene that is drawn for each sample, with the probabilities of structure and room.
+/// A scene that is drawn for each sample, with the probability of a room.
 struct SampleSceneConfig : SceneConfig {
-  double structure_probability = 1.0;  ///< no key
   double room_probability = 1.0;
 
   template <class Archive>
