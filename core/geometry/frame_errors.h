@@ -3,6 +3,7 @@
 // Depth errors of a whole frame that resemble another pose.
 
 #include <Eigen/Core>
+#include <cmath>
 
 #include "core/geometry/depth_error_model.h"
 #include "core/geometry/structure.h"
@@ -12,20 +13,24 @@ namespace volalign {
 /// Least cosine (84 deg) between a ray and a surface's normal for useful depths.
 inline constexpr double kGrazing = 0.1;
 
-/// Tilts of the depth along rows and along columns, its twist and shear (DepthErrorModel::tilt_m,
-/// twist_m, shear_m), each divided by its unit.
-enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kFrameErrors };
+/// Tilts of the depth along rows and along columns, its twist, shear, and multipath
+/// (DepthErrorModel::tilt_m, twist_m, shear_m, bounce_m), each divided by its unit.
+enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kDiffuseMultipath, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
-/// Standard deviations of these errors.
+/// Root mean squares of these errors. Multipath is distributed evenly from 0 to twice its mean.
 inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
-  return {errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m};
+  FrameErrorVector sigmas;
+  sigmas << errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m,
+      2 * errors.bounce_m / std::sqrt(3);
+  return sigmas;
 }
 
 /// Derivative, m, of the depth of a point p on a surface with this normal by each of them; sensor
-/// frame. Shear: rows of a stereo pair that miss each other by d are matched with a shift of
-/// d S_xy / S_xx along them. S is the structure tensor of the picture. For a texture without
-/// direction, it is the first fundamental form of the surface over the picture.
+/// frame. It is 0 for multipath, see DiffuseMultipathShare. Shear: rows of a stereo pair that miss
+/// each other by d are matched with a shift of d S_xy / S_xx along them. S is the structure tensor
+/// of the picture. For a texture without direction, it is the first fundamental form of the surface
+/// over the picture.
 FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vector3d& p,
                                const Eigen::Vector3d& normal);
 

@@ -75,6 +75,8 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   face.bulge = side.BulgeAt(q);
   face.by_errors[kMultipath] =
       std::min(0.0, SeamDistance(nominal, nominal_side, q) / errors.seam_reach_m - 1);
+  face.by_errors[kDiffuseMultipath] = DiffuseMultipathShare(
+      nominal, nominal_side, q, sensor.structure_from_sensor.translation(), errors.bounce_reach_m);
   face.by_errors[kGain] = face.p.z();
   return face;
 }

@@ -50,6 +50,16 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   const SharedPoints shared = FindShared(end_a.view, end_b.view, kOverlapGate, kOnePlane);
   if (!shared.IsPair(problem.setup.schedule.min_overlap)) return pair;
   std::vector<double> sizes;
+  const Structure& structure = problem.model.structure();
+  const Side floor = FloorOf(structure);
+  const auto bounced = [&](const PairEnd& end, const Eigen::Vector3d& p) {
+    if (end.noise.depth.bounce_m == 0) return 0.0;
+    const Eigen::Vector3d q = end.view.state.InStructure(p);
+    if (std::abs(q.y() - structure.FloorHeight()) > kRoughPose) return 0.0;
+    return DiffuseMultipathShare(structure, floor, q,
+                                 end.view.state.structure_from_sensor.translation(),
+                                 end.noise.depth.bounce_reach_m);
+  };
   const auto take = [&](PairEnd* from_end, PairEnd* to_end, const std::vector<Match>& matches,
                         std::vector<PairMatch>* taken) {
     for (const Match& match : matches) {
@@ -60,7 +70,8 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
       if (sigma > kOverlapGate / 2) continue;
       const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
       if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
-      taken->push_back({&from, &to, sigma, match.residual});
+      taken->push_back(
+          {&from, &to, sigma, match.residual, bounced(*from_end, from.p), bounced(*to_end, to.p)});
       sizes.push_back(std::abs(match.residual) / sigma);
       from_end->Count(from.p);
       to_end->Count(to.p);

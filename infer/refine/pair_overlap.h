@@ -15,6 +15,7 @@ struct PairMatch {
   const CloudPoint *point, *plane;
   double sigma;     ///< m, standard deviation of the distance between the two
   double residual;  ///< m, that distance, signed
+  double multipath_point = 0, multipath_plane = 0;  ///< of both, see DiffuseMultipathShare
 };
 
 /// Measurements of the same surfaces by two frames, away from the structure.

@@ -18,11 +18,12 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
   const std::size_t size = pair.of_a.size() + pair.of_b.size();
   if (size < kFewestMatches) return;  // for their spread
   const double share = pair.cells / static_cast<double>(size);
-  const auto through_lens = [&](std::size_t i, const CloudPoint& of) {
+  const auto through_lens = [&](std::size_t i, const CloudPoint& of, double bounced) {
     const SensorPoints& points = *problem.frames[i].points;
     const DepthErrorModel& errors = observed[i].noise.depth;
     SensorErrorVector by_errors = SensorErrorVector::Zero();
     by_errors.head<kFrameErrors>() = FrameErrorsAt(errors, of.p, of.normal);
+    by_errors[kDiffuseMultipath] = bounced;
     by_errors[kGain] = of.p.z();
     return LensPoint{of.p, points.RayByLensAt(of.p), points.lens, by_errors};
   };
@@ -31,8 +32,9 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
     std::vector<MeasuredMatch> measured;
     measured.reserve(matches.size());
     for (const PairMatch& match : matches) {
-      measured.push_back({through_lens(i, *match.point), through_lens(j, *match.plane),
-                          match.plane->normal, 1 / (pair.excess * match.sigma)});
+      measured.push_back({through_lens(i, *match.point, match.multipath_point),
+                          through_lens(j, *match.plane, match.multipath_plane), match.plane->normal,
+                          1 / (pair.excess * match.sigma)});
     }
     const bool shared = state->LensOf(i) == state->LensOf(j);
     std::vector<double*> blocks = {

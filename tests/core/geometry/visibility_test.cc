@@ -356,6 +356,9 @@ TEST(FrameErrors, GrowFromTheMiddleOfThePicture) {
   EXPECT_EQ(sigmas[kTiltColumns], errors.tilt_m);
   EXPECT_EQ(sigmas[kTwist], errors.twist_m);
   EXPECT_EQ(sigmas[kShear], errors.shear_m);
+  EXPECT_EQ(sigmas[kDiffuseMultipath], 0);
+  const DepthErrorModel tof = ErrorsOf("azure_kinect_nfov_binned");
+  EXPECT_NEAR(FrameErrorSigmas(tof)[kDiffuseMultipath], 2 / std::sqrt(3) * tof.bounce_m, 1e-12);
 }
 
 // Two pictures of a texture without direction on a slanted plane, of which the right one is a row

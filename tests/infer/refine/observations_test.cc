@@ -74,6 +74,9 @@ TEST(GatherObservations, TakesTheMeanOfABlockWithoutWhatLiesApart) {
   by_errors.head<kFrameErrors>() =
       FrameErrorsAt(observed.noise.depth, face.p, block.pose.linear().transpose() * side.normal);
   by_errors[kGain] = 1.5;
+  by_errors[kDiffuseMultipath] =
+      DiffuseMultipathShare(block.structure, side, block.pose * face.p, block.pose.translation(),
+                            observed.noise.depth.bounce_reach_m);
   EXPECT_TRUE(face.by_errors.isApprox(by_errors, 1e-9)) << face.by_errors.transpose();
 }
 

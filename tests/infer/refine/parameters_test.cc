@@ -178,6 +178,7 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
   DepthErrorModel seam, none;
   seam.seam_m = 0.001;
   seam.tilt_m = 0.003;
+  seam.bounce_m = 0.004;
   const Eigen::VectorXd sigmas = layout.PriorSigmas(SomePriors(), {seam, none}, {lens});
   ASSERT_EQ(sigmas.size(), 2 * (6 + 1 + kSensorErrors) + 3 + 1 + (3 + 5) * 3 + 7);
   EXPECT_EQ(sigmas.segment<kLensParameters>(layout.Lens(0)), lens.prior_sigmas);
@@ -189,6 +190,8 @@ TEST(ParameterLayout, PriorsStandAtTheirParameters) {
     EXPECT_EQ(sigmas[layout.Error(i, kMultipath)], i == 0 ? 0.001 : 1e-6) << "none is not 0";
     EXPECT_EQ(sigmas[layout.Error(i, kEdgeShift) + 1], 0.7);
     EXPECT_EQ(sigmas[layout.ErrorsOfSensor(i) + kTiltColumns], i == 0 ? 0.003 : 1e-6);
+    EXPECT_NEAR(sigmas[layout.ErrorsOfSensor(i) + kDiffuseMultipath], i == 0 ? 0.00462 : 1e-6, 1e-5)
+        << "root mean square of what lies evenly within twice the mean";
   }
   EXPECT_EQ(sigmas[layout.Size()], 0.01);
   for (Eigen::Index b = 0; b < 3; ++b) {

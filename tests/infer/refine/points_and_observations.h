@@ -172,7 +172,7 @@ inline refine_internal::FrameObservations Observe(const Structure& structure, co
       face.label = view.labels(u, v);
       face.bulge = structure.SideOfLabel(face.label).BulgeAt(pose * face.p);
       face.by_errors << face.p.head<2>() * z / 4, face.p.x() * face.p.y() / 4, 0.1 * (u % 3),
-          -0.1 * (u % 7), z, 0, 0, 0;
+          0.2 * (v % 5), -0.1 * (u % 7), z, 0, 0, 0;
       face.variance = 1e-8;
       observed.faces.push_back(face);
     }

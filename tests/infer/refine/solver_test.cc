@@ -149,8 +149,9 @@ TEST(Solve, GivesNothingWhereTheCostIsNotFinite) {
   EXPECT_FALSE(Solve(problem, &solution));
 }
 
-// A side that two sensors see bulges by 3 mm.
-TEST(Solve, TellsBulgesFromPoses) {
+// Depths of two sensors: light that bounces adds 4 mm times its share to those of one and nothing
+// to those of the other, and a side that both see bulges by 3 mm.
+TEST(Solve, TellsMultipathAndBulgesFromPoses) {
   const Neighbours made;
   const Structure& structure = made.rig.structure;
   RefineOptions options;
@@ -158,7 +159,7 @@ TEST(Solve, TellsBulgesFromPoses) {
   const JointProblem problem(structure, made.frames, options);
   Solution solution{
       AskedFor({}, problem.priors, 2), NominalState(structure, made.poses), {}, {0, 0}};
-  constexpr double kBulge = 0.003;
+  constexpr double kBounce = 0.004, kBulge = 0.003;
   std::map<int, int> seen;
   for (const Pose& pose : made.poses) {
     for (const FaceObservation& face : Observe(structure, pose, 8).faces) ++seen[face.label];
@@ -174,13 +175,20 @@ TEST(Solve, TellsBulgesFromPoses) {
       const Eigen::Vector3d normal = made.poses[i].linear().transpose() * side.normal;
       face.by_errors.setZero();
       face.by_errors.head<kFrameErrors>() = FrameErrorsAt(errors, face.p, normal);
+      face.by_errors[kDiffuseMultipath] =
+          DiffuseMultipathShare(structure, side, made.poses[i] * face.p,
+                                made.poses[i].translation(), errors.bounce_reach_m);
+      const double share = face.by_errors[kDiffuseMultipath];
       if (face.label == bulging) face.p += kBulge * face.bulge / normal.dot(face.p) * face.p;
+      if (i == 0) face.p *= 1 + kBounce * share / face.p.z();
     }
     observed.noise.depth.smooth_m = 0.0005;
     SetCovariance(problem.model, made.poses[i], &observed);
     solution.observed.push_back(std::move(observed));
   }
   ASSERT_TRUE(Solve(problem, &solution));
+  EXPECT_NEAR(solution.state.errors[0][kDiffuseMultipath], -kBounce, 0.1 * kBounce);
+  EXPECT_NEAR(solution.state.errors[1][kDiffuseMultipath], 0, 0.1 * kBounce);
   for (int label = 1; label < structure.num_classes(); ++label) {
     EXPECT_NEAR(solution.state.bulges[0][static_cast<std::size_t>(BuildModel::Bulge(label))],
                 label == bulging ? kBulge : 0, 0.2 * kBulge)
@@ -202,7 +210,7 @@ TEST(HoldFrame, LeavesNoErrors) {
   }
   HoldFrame(problem, 0, &solution);
   EXPECT_TRUE(solution.state.errors[0].isZero());
-  EXPECT_EQ(solution.state.errors[1][kTiltRows], 0.001) << "another frame";
+  EXPECT_EQ(solution.state.errors[1][kDiffuseMultipath], 0.001) << "another frame";
 }
 
 TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {

@@ -137,6 +137,23 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
   }
 }
 
+// Where the depth of a point has bounced light, what two frames share says something of it.
+TEST(ComputeNormalEquations, OverlapTellsMultipath) {
+  const TwoSensors two(Strip(true, 2), Strip(true, 2));
+  const JointProblem problem = two.Problem();
+  Solution solution{AskedFor({}, problem.priors, 2), two.state, {}, {0, 0}};
+  solution.observed = TwoFrames();
+  solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
+  const auto told = [&](double share) {
+    for (PairMatch& match : solution.overlaps.at(0).of_a) match.multipath_point = share;
+    const Eigen::Index column = problem.layout.ErrorsOfSensor(0) + kDiffuseMultipath;
+    return ComputeNormalEquations(problem, solution).information(column, column);
+  };
+  const double nothing = told(0), all = told(1) - nothing;
+  EXPECT_GT(all, 0);
+  EXPECT_NEAR(told(0.5) - nothing, 0.25 * all, 1e-6 * all);
+}
+
 /// A point in front of a sensor.
 Eigen::Vector3d RandomPoint(RandomStream& random) {
   return {random.Normal(0, 0.5), random.Normal(0, 0.5), random.Uniform(1, 4)};
@@ -216,8 +233,8 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
     // Offsets, errors of the sensors, lenses. Last of the errors: gain, own focal length, edges.
     SensorErrorVector of_a, of_b;
-    of_a << 0.002, -0.004, 0.001, 0.002, 0.001, 0.006, 0.003, 0.2, 0.1;
-    of_b << -0.001, 0.003, 0.002, -0.004, 0.001, -0.002, -0.005, 0.2, 0.1;
+    of_a << 0.002, -0.004, 0.001, 0.002, 0.003, 0.001, 0.006, 0.003, 0.2, 0.1;
+    of_b << -0.001, 0.003, 0.002, -0.004, -0.002, 0.001, -0.002, -0.005, 0.2, 0.1;
     std::vector<std::vector<double>> others = {{0.004}, {-0.003}};
     for (const SensorErrorVector* of : {&of_a, &of_b})
       others.emplace_back(of->data(), of->data() + kSensorErrors);
