@@ -249,7 +249,7 @@ std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& a
   solution.state.poses[frame] = PoseBlock(problem.frames[frame].start);
   solution.free = asked_for;
   std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
-  solution.state.scales = kWholePriors;
+  solution.state.scales = PriorScales::Ones();
   Solution alone = AssociateAndSolve(problem, std::move(solution));
   if (alone.held[frame]) return std::nullopt;
   return alone;
@@ -259,7 +259,7 @@ std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& a
 std::optional<Solution> SolveAnew(const JointProblem& problem, const FreeSet& asked_for,
                                   Solution solution) {
   solution.free = asked_for;
-  solution.state.scales = kWholePriors;
+  solution.state.scales = PriorScales::Ones();
   SetLineTolerance(problem, LineTolerance(asked_for), &solution);
   if (!Solve(problem, &solution)) return std::nullopt;
   return SolveWithScaledPriors(problem, std::move(solution));

@@ -193,25 +193,26 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   return constant;
 }
 
-bool ParameterLayout::IsAlwaysFree(Eigen::Index column) const {
-  const Eigen::Index error = ErrorOf(column);
-  return column < Offset(0) || column >= Bulges(0) ||
-         (error < kSensorErrors && error != kGain && error != kFocal);
-}
-
-int ParameterLayout::GroupOf(Eigen::Index column) const {
+std::optional<PriorGroup> ParameterLayout::GroupOf(Eigen::Index column) const {
   if (column == Size()) return kSizes;
   if (column >= Boxes(0) && column < Bulges(0))
     return (column - Boxes(0)) % 3 == BuildModel::Yaw(0) ? kTurns : kPlaces;
   if (column >= Offset(0) && column < ErrorsOfSensor(0)) return kOffsets;
-  return ErrorOf(column) == kGain ? kGains : kPriorGroups;
+  if (column < ErrorsOfSensor(0) || column >= Lens(0)) return std::nullopt;
+  switch ((column - ErrorsOfSensor(0)) % kSensorErrors) {
+    case kGain:
+      return kGains;
+    case kDiffuseMultipath:
+      return kDiffuseMultipaths;
+    default:
+      return std::nullopt;
+  }
 }
 
 Eigen::VectorXd ParameterLayout::Scales(const PriorScales& scales) const {
   Eigen::VectorXd of = Eigen::VectorXd::Ones(size());
   for (Eigen::Index k = 0; k < size(); ++k) {
-    if (const int group = GroupOf(k); group != kPriorGroups)
-      of[k] = scales[static_cast<std::size_t>(group)];
+    if (const auto group = GroupOf(k)) of[k] = scales[*group];
   }
   return of;
 }

@@ -15,7 +15,6 @@
 #include "core/geometry/structure.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/refine/build_model.h"
-#include "infer/refine/free_set.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pose_block.h"
 
@@ -33,6 +32,20 @@ enum SensorError {
   kSensorErrors = kEdgeShift + 2
 };
 using SensorErrorVector = Eigen::Matrix<double, kSensorErrors, 1>;
+
+/// The parameters that are estimated beside the poses and the nuisances that are always free.
+struct FreeSet {
+  bool boxes = false, size = false, gain = false, offset = false;
+  std::vector<char> lens;  ///< of each lens
+};
+
+/// Parameters that share a prior scale: places (x, z) and turns of boxes, the size, depth gains and
+/// offsets, and diffuse multipath.
+enum PriorGroup { kPlaces, kTurns, kSizes, kGains, kOffsets, kDiffuseMultipaths, kPriorGroups };
+
+/// How far the parameters of each group deviate from their nominal values: a factor on their prior
+/// standard deviations.
+using PriorScales = Eigen::Array<double, kPriorGroups, 1>;
 
 /// Sigma of the pose priors, m and rad. They bound directions that nothing constrains.
 inline constexpr double kPoseSigma = 1;
@@ -125,14 +138,14 @@ struct State {
   std::vector<PoseBlock> poses;       ///< of each frame, in the structure of its capture
   std::vector<PoseBlock> placements;  ///< of each capture: first_from_placement, the first identity
   std::vector<double> offsets;        ///< of each frame, since a sensor's offset may drift
-  std::vector<SensorErrorVector> errors;    ///< of each sensor
-  std::vector<LensChange> lenses;           ///< from the assumed intrinsics
-  PoseBlock world;                          ///< structure_from_world of the pose priors
-  double world_scale = 0;                   ///< logarithm of its scale
-  double size = 0;                          ///< of all boxes, scale - 1
-  std::vector<std::vector<double>> boxes;   ///< of each capture, see BuildModel
-  std::vector<std::vector<double>> bulges;  ///< of each capture, see BuildModel
-  PriorScales scales = kWholePriors;        ///< of the priors, estimated
+  std::vector<SensorErrorVector> errors;     ///< of each sensor
+  std::vector<LensChange> lenses;            ///< from the assumed intrinsics
+  PoseBlock world;                           ///< structure_from_world of the pose priors
+  double world_scale = 0;                    ///< logarithm of its scale
+  double size = 0;                           ///< of all boxes, scale - 1
+  std::vector<std::vector<double>> boxes;    ///< of each capture, see BuildModel
+  std::vector<std::vector<double>> bulges;   ///< of each capture, see BuildModel
+  PriorScales scales = PriorScales::Ones();  ///< of the priors, estimated
   /// Each capture's structure as built, at the last solution. Points are matched with it.
   std::vector<Structure> built;
   bool converged = true;  ///< the last solution ended by its tolerances
@@ -244,12 +257,8 @@ class ParameterLayout {
   /// The columns that move a frame's residuals, in the order of FrameColumns, with 6 of the pose.
   std::vector<Eigen::Index> ColumnsOf(std::size_t frame) const;
 
-  /// Is a column free whenever its frame is? So are poses, placements, bulges, the world and a
-  /// sensor's errors, except its gain and focal length.
-  bool IsAlwaysFree(Eigen::Index column) const;
-
-  /// The group of a column; kPriorGroups where its prior is never narrowed.
-  int GroupOf(Eigen::Index column) const;
+  /// The group of a column. Nothing if its prior is never narrowed.
+  std::optional<PriorGroup> GroupOf(Eigen::Index column) const;
   /// The scale of every parameter's prior.
   Eigen::VectorXd Scales(const PriorScales& scales) const;
   /// How far every parameter is from its prior's mean; 0 of poses.
@@ -260,12 +269,6 @@ class ParameterLayout {
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
 
  private:
-  /// Which SensorError a column is; kSensorErrors if it is none.
-  Eigen::Index ErrorOf(Eigen::Index column) const {
-    const bool is_error = column >= ErrorsOfSensor(0) && column < Lens(0);
-    if (!is_error) return kSensorErrors;
-    return (column - ErrorsOfSensor(0)) % kSensorErrors;
-  }
   std::size_t SensorOf(std::size_t frame) const {
     return static_cast<std::size_t>(frame_of_[frame].sensor);
   }

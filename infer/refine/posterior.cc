@@ -90,7 +90,7 @@ Eigen::VectorXd ToVector(const std::vector<double>& values) {
 NormalEquations ComputeNormalEquations(const JointProblem& problem, const Solution& solution,
                                        const std::vector<Structure>& changed) {
   State state = solution.state;
-  state.scales = kWholePriors;  // the priors as the options have them
+  state.scales = PriorScales::Ones();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
   const CeresProblem ceres =
       BuildCeresProblem(problem, solution.observed, solution.overlaps, solution.held, none, &state);

@@ -19,6 +19,20 @@ double ExtraPrecision(const QuadraticCost& cost, const Eigen::VectorXd& scales, 
   return (1 / (scales[k] * scales[k]) - 1) / (cost.prior_sigmas[k] * cost.prior_sigmas[k]);
 }
 
+/// The free parameters of each group. One that is known by its prior says nothing about the others.
+std::vector<std::vector<Eigen::Index>> GroupsOf(const Eigen::VectorXd& prior_sigmas,
+                                                const ParameterLayout& layout,
+                                                const FreeSet& free) {
+  const std::vector<char> constant = layout.Constant(free);
+  std::vector<std::vector<Eigen::Index>> groups(kPriorGroups);
+  for (Eigen::Index k = 0; k < layout.size(); ++k) {
+    const std::optional<PriorGroup> group = layout.GroupOf(k);
+    if (group && !constant[static_cast<std::size_t>(k)] && prior_sigmas[k] > Positive(0))
+      groups[*group].push_back(k);
+  }
+  return groups;
+}
+
 }  // namespace
 
 QuadraticCost CostAround(const JointProblem& problem, const Solution& solution) {
@@ -71,62 +85,49 @@ std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorX
   return fit;
 }
 
-std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
-                                              const ParameterLayout& layout) {
-  std::vector<Eigen::Index> free, others;
-  for (Eigen::Index k = 0; k < layout.size(); ++k) {
-    (layout.IsAlwaysFree(k) ? free : others).push_back(k);
-  }
-  std::optional<NormalEquations> normal = Marginal(cost.normal, others, free);
-  if (!normal) return std::nullopt;
-  MarginalCost marginal{{std::move(*normal), cost.prior_sigmas(others), cost.values(others)}, {}};
-  marginal.columns = std::move(others);
-  return marginal;
-}
-
 std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
                                                const ParameterLayout& layout, const FreeSet& free) {
-  const std::optional<MarginalCost> marginal = WithoutAlwaysFree(cost, layout);
-  if (!marginal) return std::nullopt;
+  const std::vector<std::vector<Eigen::Index>> groups = GroupsOf(cost.prior_sigmas, layout, free);
   const std::vector<char> constant = layout.Constant(free);
-  PriorScales scales = kWholePriors;
+  const auto is_constant = [&](Eigen::Index k) {
+    return constant[static_cast<std::size_t>(k)] != 0;
+  };
+  // Parameters whose priors are never narrowed are at their best for all others.
+  std::vector<Eigen::Index> kept, others;
+  for (Eigen::Index k = 0; k < layout.size(); ++k)
+    (layout.GroupOf(k) || is_constant(k) ? kept : others).push_back(k);
+  std::optional<NormalEquations> normal = Marginal(cost.normal, kept, others);
+  if (!normal) return std::nullopt;
+  const QuadraticCost marginal{std::move(*normal), cost.prior_sigmas(kept), cost.values(kept)};
+  PriorScales scales = PriorScales::Ones();
   for (int update = 0; update < kUpdates; ++update) {
-    Eigen::VectorXd of_all = layout.Scales(scales);
-    for (Eigen::Index k = 0; k < of_all.size(); ++k) {
-      if (constant[static_cast<std::size_t>(k)]) of_all[k] = 0;
+    Eigen::VectorXd of = layout.Scales(scales);
+    for (Eigen::Index k = 0; k < of.size(); ++k) {
+      if (is_constant(k)) of[k] = 0;
     }
-    const Eigen::VectorXd of = of_all(marginal->columns);
-    const std::optional<ModelFit> fit = FitModel(marginal->cost, of, true);
+    const std::optional<ModelFit> fit = FitModel(marginal, of(kept), true);
     if (!fit) return std::nullopt;
-    const Eigen::VectorXd squares =
-        ((marginal->cost.values + fit->step).cwiseAbs2() + fit->covariance.diagonal())
-            .cwiseQuotient(marginal->cost.prior_sigmas.cwiseAbs2());
-    PriorScales sums{}, counts{};
-    for (std::size_t k = 0; k < marginal->columns.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      const int group = layout.GroupOf(marginal->columns[k]);
-      if (of[i] == 0 || group == kPriorGroups) continue;
-      sums[static_cast<std::size_t>(group)] += squares[i];
-      ++counts[static_cast<std::size_t>(group)];
-    }
-    for (std::size_t g = 0; g < kPriorGroups; ++g) {
-      if (counts[g] > 0) scales[g] = std::clamp(std::sqrt(sums[g] / counts[g]), kLeastScale, 1.0);
+    Eigen::VectorXd squares(layout.size());
+    squares(kept) = ((marginal.values + fit->step).cwiseAbs2() + fit->covariance.diagonal())
+                        .cwiseQuotient(marginal.prior_sigmas.cwiseAbs2());
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      if (groups[g].empty()) continue;
+      scales[static_cast<Eigen::Index>(g)] =
+          std::clamp(std::sqrt(squares(groups[g]).mean()), kLeastScale, 1.0);
     }
   }
   return scales;
 }
 
-PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
-                          const PriorScales& scales) {
-  const std::vector<char> constant = layout.Constant(free);
-  PriorScales counts{}, widened{};
-  for (Eigen::Index k = 0; k < layout.size(); ++k) {
-    const int group = layout.GroupOf(k);
-    if (group != kPriorGroups && !constant[static_cast<std::size_t>(k)])
-      ++counts[static_cast<std::size_t>(group)];
+PriorScales WidenedScales(const Eigen::VectorXd& prior_sigmas, const ParameterLayout& layout,
+                          const FreeSet& free, const PriorScales& scales) {
+  PriorScales widened = scales;
+  const std::vector<std::vector<Eigen::Index>> groups = GroupsOf(prior_sigmas, layout, free);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const auto n = static_cast<double>(groups[g].size());
+    double& scale = widened[static_cast<Eigen::Index>(g)];
+    scale = std::sqrt((scale * scale * n + 1) / (n + 1));
   }
-  for (std::size_t g = 0; g < kPriorGroups; ++g)
-    widened[g] = std::sqrt((scales[g] * scales[g] * counts[g] + 1) / (counts[g] + 1));
   return widened;
 }
 

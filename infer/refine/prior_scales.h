@@ -41,17 +41,6 @@ struct ModelFit {
 std::optional<ModelFit> FitModel(const QuadraticCost& cost, const Eigen::VectorXd& scales,
                                  bool with_covariance);
 
-/// A cost of some of the parameters, all others at their best. Its fits are those of the cost of
-/// all parameters. Its evidence differs by the same constant for all scales.
-struct MarginalCost {
-  QuadraticCost cost;
-  std::vector<Eigen::Index> columns;  ///< of the parameters that are left
-};
-/// Removes the parameters whose priors are never narrowed (ParameterLayout::IsAlwaysFree). Nothing
-/// if it cannot be computed.
-std::optional<MarginalCost> WithoutAlwaysFree(const QuadraticCost& cost,
-                                              const ParameterLayout& layout);
-
 /// The scales under which the measurements are most probable, by expectation maximisation. Only
 /// `free` may deviate. The square of a scale is the mean over its group of a parameter's expected
 /// square in units of its prior. At least 0.02 and at most 1. Nothing if they cannot be computed.
@@ -60,8 +49,8 @@ std::optional<PriorScales> EstimatePriorScales(const QuadraticCost& cost,
 
 /// Widens each group's scale, as if one more parameter of the group had deviated as far as its
 /// prior says. A scale is estimated from few parameters; covariances allow for that.
-PriorScales WidenedScales(const ParameterLayout& layout, const FreeSet& free,
-                          const PriorScales& scales);
+PriorScales WidenedScales(const Eigen::VectorXd& prior_sigmas, const ParameterLayout& layout,
+                          const FreeSet& free, const PriorScales& scales);
 
 /// Estimates the scales and solves again under them. A lens keeps its assumed value unless its
 /// change is much more probable (kBelievedLens). Returns the solution unchanged if scales cannot be

@@ -46,8 +46,8 @@ void CheckPoses(const std::vector<FrameInput>& frames) {
 Posterior PosteriorOf(const JointProblem& problem, const Solution& solution,
                       const FreeSet& asked_for) {
   const QuadraticCost cost = CostAround(problem, solution);
-  const Eigen::VectorXd scales =
-      problem.layout.Scales(WidenedScales(problem.layout, asked_for, solution.state.scales));
+  const Eigen::VectorXd scales = problem.layout.Scales(
+      WidenedScales(cost.prior_sigmas, problem.layout, asked_for, solution.state.scales));
   return ComputePosterior(WithScaledPriors(cost, scales), problem.layout.Constant(asked_for),
                           scales.cwiseProduct(cost.prior_sigmas));
 }

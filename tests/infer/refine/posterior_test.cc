@@ -215,6 +215,10 @@ TEST(EstimatePriorScales, FollowWhatStrays) {
   };
   stray(measured.layout.Offset(0), 1.4);
   stray(measured.layout.Offset(1), -0.9);
+  stray(measured.layout.ErrorsOfSensor(0) + kDiffuseMultipath, -0.6);
+  const Eigen::Index known = measured.layout.ErrorsOfSensor(1) + kDiffuseMultipath;
+  measured.cost.prior_sigmas[known] = Positive(0);
+  measured.cost.normal.information(known, known) = 1 / Square(Positive(0));
   for (int box = 0; box < 4; ++box) {
     stray(measured.layout.Boxes() + BuildModel::X(box), 0.3);
     stray(measured.layout.Boxes() + BuildModel::Z(box), -0.35);
@@ -222,6 +226,8 @@ TEST(EstimatePriorScales, FollowWhatStrays) {
   const PriorScales scales =
       EstimatePriorScales(measured.cost, measured.layout, measured.free).value();
   EXPECT_EQ(scales[kOffsets], 1) << "no wider than the prior";
+  // Of one sensor alone: the other one has no multipath, so that its prior says nothing.
+  EXPECT_NEAR(scales[kDiffuseMultipaths], std::sqrt(0.6 * 0.6 * 1.0201 - 0.01), 0.01);
   // The mean square of the values, less the measurements' own variance of a hundredth.
   EXPECT_NEAR(scales[kPlaces], std::sqrt((0.3 * 0.3 + 0.35 * 0.35) / 2 * 1.0201 - 0.01), 0.01);
   EXPECT_LT(scales[kTurns], 0.06) << "boxes out of their places are not turned";
@@ -235,42 +241,25 @@ TEST(EstimatePriorScales, FollowWhatStrays) {
 
 TEST(WidenedScales, CountOneMoreParameterThatStrays) {
   const Measured measured;
-  const PriorScales widened = WidenedScales(measured.layout, measured.free, {0.5, 0, 0.2, 1, 0});
+  PriorScales scales;
+  scales << 0.5, 0, 0.2, 1, 0, 0.5;
+  Eigen::VectorXd sigmas = measured.cost.prior_sigmas;
+  sigmas[measured.layout.ErrorsOfSensor(1) + kDiffuseMultipath] = Positive(0);
+  const PriorScales widened = WidenedScales(sigmas, measured.layout, measured.free, scales);
   EXPECT_NEAR(widened[kPlaces], std::sqrt((8 * 0.25 + 1) / 9), 1e-12) << "x and z of four boxes";
   EXPECT_NEAR(widened[kTurns], std::sqrt(1 / 5.0), 1e-12);
   EXPECT_NEAR(widened[kSizes], std::sqrt((0.04 + 1) / 2), 1e-12);
   EXPECT_EQ(widened[kGains], 1);
   EXPECT_NEAR(widened[kOffsets], std::sqrt(1 / 3.0), 1e-12) << "of two sensors";
+  EXPECT_NEAR(widened[kDiffuseMultipaths], std::sqrt((0.25 + 1) / 2), 1e-12) << "one is known";
 }
 
 TEST(EstimatePriorScales, SaysWhereThereAreNone) {
-  // Of a direction that is always free, the cost is no minimum.
+  // Along a pose, the cost has no minimum.
   Measured measured;
   const Eigen::Index pose = measured.layout.Pose(1);
   measured.cost.normal.information(pose, pose) = -1;
-  EXPECT_FALSE(WithoutAlwaysFree(measured.cost, measured.layout));
   EXPECT_FALSE(EstimatePriorScales(measured.cost, measured.layout, measured.free));
-}
-
-TEST(WithoutAlwaysFree, EvidenceDiffersByAConstant) {
-  const ParameterLayout layout = LayoutOf(2, 3);
-  const auto n = static_cast<int>(layout.size());
-  const Linear linear(Eigen::Index{2} * n, Eigen::VectorXd::LinSpaced(n, 0.5, 2), 7);
-  Eigen::VectorXd at = Eigen::VectorXd::LinSpaced(n, -0.3, 0.4);
-  const QuadraticCost all = linear.CostAt(at);
-  const MarginalCost marginal = WithoutAlwaysFree(all, layout).value();
-  EXPECT_EQ(marginal.columns.size(), 2u + 2 + 2 + 3 + 1 + 9)
-      << "offsets, gains, focal lengths, lens, size, boxes";
-  double constant = 0;
-  for (const PriorScales& scales :
-       {kWholePriors, {0, 0, 0, 0, 0}, {0.3, 0, 1, 0.3, 0}, {1, 0.3, 0, 0, 1}}) {
-    const Eigen::VectorXd of_all = layout.Scales(scales);
-    const double difference =
-        FitModel(all, of_all, false)->log_evidence -
-        FitModel(marginal.cost, of_all(marginal.columns), false)->log_evidence;
-    if (scales[kPlaces] == 1 && scales[kTurns] == 1) constant = difference;
-    EXPECT_NEAR(difference, constant, 1e-8);
-  }
 }
 
 }  // namespace
