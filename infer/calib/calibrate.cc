@@ -95,15 +95,18 @@ CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structur
     if (std::any_of(stack.begin(), stack.end(), [](const auto& of) { return of.has_value(); }))
       result = CalibrateAs(input, stack, segmenter, options, progress, &clock);
   }
-  if (!result.assembly || !result.assembly->altered())
+  if (!result.assembly || !result.assembly->altered()) {
+    CalibrateOptions of_others = options;  // other frames may have other alternatives
+    of_others.orientation.choose.clear();
     TryHypotheses(
-        captures, structure, options,
-        [&](const std::vector<Capture>& other) {
+        captures.front(), structure, options,
+        [&](const Capture& other) {
           StageClock unused;
-          return CalibrateAs(CheckRequest(other, structure, options, segmenter != nullptr),
-                             not_asked, segmenter, options, {}, &unused);
+          return CalibrateAs(CheckRequest({other}, structure, of_others, segmenter != nullptr),
+                             StackFinding(1), segmenter, of_others, {}, &unused);
         },
         &result);
+  }
   clock.Lap("hypotheses");
   result.timings_s = clock.Total();
   return result;

@@ -41,20 +41,17 @@ const SensorFrame* FindFrame(const Capture& capture, const std::string& name) {
 
 // Depths in another unit.
 
-std::vector<Capture> WithScale(std::vector<Capture> captures, const std::set<std::string>& sensors,
-                               double factor) {
+Capture WithScale(Capture capture, const std::set<std::string>& sensors, double factor) {
   const auto scale = [&](Image<float>* image) {
     for (float& z : *image) z = static_cast<float>(factor * static_cast<double>(z));
   };
-  for (Capture& capture : captures) {
-    for (SensorFrame& frame : capture.frames) {
-      if (sensors.count(frame.name) == 0) continue;
-      scale(&frame.depth);
-      scale(&frame.depth_sigma);
-      frame.depth_scale *= factor;
-    }
+  for (SensorFrame& frame : capture.frames) {
+    if (sensors.count(frame.name) == 0) continue;
+    scale(&frame.depth);
+    scale(&frame.depth_sigma);
+    frame.depth_scale *= factor;
   }
-  return captures;
+  return capture;
 }
 
 double MedianDepth(const SensorView& view) {
@@ -91,7 +88,18 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   return factors[static_cast<std::size_t>(best - found.begin())];
 }
 
-/// Sensors of one depth_scale that may be in another unit, with frames of the first capture.
+/// The sensors of the first capture.
+const std::vector<FrameResult>& FirstSensors(const CalibrationResult& result) {
+  return result.captures.empty() ? result.sensors : result.captures.front().sensors;
+}
+
+std::size_t CountPlaced(const std::vector<FrameResult>& sensors) {
+  return static_cast<std::size_t>(std::count_if(
+      sensors.begin(), sensors.end(),
+      [](const FrameResult& sensor) { return sensor.structure_from_sensor.has_value(); }));
+}
+
+/// Sensors of one depth_scale that may be in another unit, with their frames.
 struct Suspects {
   double depth_scale = 0;
   std::set<std::string> names;
@@ -105,13 +113,10 @@ bool MayBeOfAnotherUnit(const SensorOutcome& sensor, bool nothing_placed) {
           sensor.code != SensorCode::kIntrinsicsSuspect);
 }
 
-std::vector<Suspects> FindSuspects(const std::vector<Capture>& captures,
-                                   const CalibrationResult& result) {
-  const std::vector<FrameResult>& sensors =
-      result.captures.empty() ? result.sensors : result.captures.front().sensors;
+std::vector<Suspects> FindSuspects(const Capture& first, const CalibrationResult& result) {
   std::vector<Suspects> list;
-  for (const FrameResult& sensor : sensors) {
-    const SensorFrame* frame = FindFrame(captures.front(), sensor.name);
+  for (const FrameResult& sensor : FirstSensors(result)) {
+    const SensorFrame* frame = FindFrame(first, sensor.name);
     if (!frame || !MayBeOfAnotherUnit(sensor, result.placed() == 0)) continue;
     auto of_scale = std::find_if(list.begin(), list.end(), [&](const Suspects& suspects) {
       return suspects.depth_scale == frame->depth_scale;
@@ -125,13 +130,13 @@ std::vector<Suspects> FindSuspects(const std::vector<Capture>& captures,
 }
 
 /// The depth_scale with which at least half of the suspects are placed, if there is one.
-std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector<Capture>& captures,
+std::optional<double> FindDepthScale(const Suspects& suspects, const Capture& first,
                                      const Structure& structure, const CalibrateOptions& options,
                                      const Recalibrate& recalibrate) {
   const std::optional<double> factor = FindDepthFactor(suspects.views, structure, options);
   if (!factor) return std::nullopt;
   double scale = suspects.depth_scale * *factor;
-  const CalibrationResult scaled = recalibrate(WithScale(captures, suspects.names, *factor));
+  const CalibrationResult scaled = recalibrate(WithScale(first, suspects.names, *factor));
   const auto placed =
       std::count_if(scaled.sensors.begin(), scaled.sensors.end(), [&](const FrameResult& sensor) {
         return suspects.names.count(sensor.name) > 0 && sensor.structure_from_sensor;
@@ -145,12 +150,11 @@ std::optional<double> FindDepthScale(const Suspects& suspects, const std::vector
   return scale;
 }
 
-void TryScales(const std::vector<Capture>& captures, const Structure& structure,
-               const CalibrateOptions& options, const Recalibrate& recalibrate,
-               CalibrationResult* result) {
-  for (const Suspects& suspects : FindSuspects(captures, *result)) {
+void TryScales(const Capture& first, const Structure& structure, const CalibrateOptions& options,
+               const Recalibrate& recalibrate, CalibrationResult* result) {
+  for (const Suspects& suspects : FindSuspects(first, *result)) {
     const std::optional<double> scale =
-        FindDepthScale(suspects, captures, structure, options, recalibrate);
+        FindDepthScale(suspects, first, structure, options, recalibrate);
     if (!scale || std::abs(*scale / suspects.depth_scale - 1) < kUsually) continue;
     const std::string hint =
         fmt::format("set depth_scale to {:.3g}; it is {:g}", *scale, suspects.depth_scale);
@@ -178,18 +182,15 @@ bool CanBeExchanged(const Capture& capture, const Names& names) {
          (a->sensor != b->sensor || LargestShift(a->intrinsics, b->intrinsics) > kClearly);
 }
 
-std::vector<Capture> Exchanged(std::vector<Capture> captures, const Names& names) {
-  for (Capture& capture : captures) {
-    SensorFrame* frames[] = {nullptr, nullptr};
-    for (SensorFrame& frame : capture.frames) {
-      if (frame.name == names.first) frames[0] = &frame;
-      if (frame.name == names.second) frames[1] = &frame;
-    }
-    if (!frames[0] || !frames[1]) continue;
-    std::swap(frames[0]->depth, frames[1]->depth);
-    std::swap(frames[0]->depth_sigma, frames[1]->depth_sigma);
+Capture Exchanged(Capture capture, const Names& names) {
+  SensorFrame* frames[] = {nullptr, nullptr};
+  for (SensorFrame& frame : capture.frames) {
+    if (frame.name == names.first) frames[0] = &frame;
+    if (frame.name == names.second) frames[1] = &frame;
   }
-  return captures;
+  std::swap(frames[0]->depth, frames[1]->depth);
+  std::swap(frames[0]->depth_sigma, frames[1]->depth_sigma);
+  return capture;
 }
 
 /// m^2: mean square distance between two sensors' points, over all pairs or those of a sensor.
@@ -234,16 +235,15 @@ std::vector<Names> ExchangesToTry(const Capture& capture, const CalibrationResul
   return first;
 }
 
-void TryExchanges(const std::vector<Capture>& captures, const Recalibrate& recalibrate,
-                  CalibrationResult* result) {
+void TryExchanges(const Capture& first, const Recalibrate& recalibrate, CalibrationResult* result) {
   const std::size_t doubts = CountDoubts(*result);
   const double given = MeanSquare(*result);
   if (doubts == 0) return;
-  for (const Names& names : ExchangesToTry(captures.front(), *result)) {
-    const CalibrationResult exchanged = recalibrate(Exchanged(captures, names));
+  for (const Names& names : ExchangesToTry(first, *result)) {
+    const CalibrationResult exchanged = recalibrate(Exchanged(first, names));
     const double square = MeanSquare(exchanged);
-    if (exchanged.placed() < result->placed() || CountDoubts(exchanged) >= doubts ||
-        !(square < given / 2))
+    if (CountPlaced(exchanged.sensors) < CountPlaced(FirstSensors(*result)) ||
+        CountDoubts(exchanged) >= doubts || !(square < given / 2))
       continue;
     const auto& [a, b] = names;
     result->findings.insert(
@@ -260,8 +260,8 @@ void TryExchanges(const std::vector<Capture>& captures, const Recalibrate& recal
 
 // Intrinsics that the stated kind does not have.
 
-void SuspectIntrinsics(const std::vector<Capture>& captures, FrameResult* sensor) {
-  const SensorFrame* frame = FindFrame(captures.front(), sensor->name);
+void SuspectIntrinsics(const Capture& first, FrameResult* sensor) {
+  const SensorFrame* frame = FindFrame(first, sensor->name);
   if (!frame || sensor->code == SensorCode::kWrongUnits || sensor->code == SensorCode::kNoDepth)
     return;
   const Intrinsics& given = frame->intrinsics;
@@ -362,16 +362,16 @@ void DoubtTheRest(CalibrationResult* result) {
 
 }  // namespace
 
-void TryHypotheses(const std::vector<Capture>& captures, const Structure& structure,
+void TryHypotheses(const Capture& first, const Structure& structure,
                    const CalibrateOptions& options, const Recalibrate& recalibrate,
                    CalibrationResult* result) {
   for (FrameResult& sensor : result->sensors) {
     SuspectSpoilt(&sensor);
-    SuspectIntrinsics(captures, &sensor);
+    SuspectIntrinsics(first, &sensor);
   }
   DoubtTheRest(result);
-  TryExchanges(captures, recalibrate, result);
-  TryScales(captures, structure, options, recalibrate, result);
+  TryExchanges(first, recalibrate, result);
+  TryScales(first, structure, options, recalibrate, result);
 }
 
 }  // namespace volalign

@@ -122,27 +122,33 @@ TEST(Hypotheses, ExchangedDepthFiles) {
 }
 
 // A pair that is apart for another reason, and a second calibration that comes out better by
-// chance.
+// chance. It is of the first capture, in which a third sensor has no frame.
 TEST(Hypotheses, FilesAreExchangedOnlyWhereIntrinsicsDiffer) {
-  for (const double px : {2.0, 6.0}) {
+  for (const auto& [px, several] :
+       {std::pair(2.0, false), std::pair(6.0, false), std::pair(6.0, true)}) {
     std::vector<SensorFrame> frames{Four().frames[0], Four().frames[0]};
-    frames[0].name = "A";
-    frames[1].name = "B";
-    frames[1].intrinsics.cx += px;
     CalibrationResult given;
     given.sensors.resize(2);
+    for (std::size_t i = 0; i < 2; ++i) {
+      frames[i].name = given.sensors[i].name = i == 0 ? "A" : "B";
+      given.sensors[i].status = SensorStatus::kOk;
+      given.sensors[i].structure_from_sensor = Pose::Identity();
+    }
+    frames[1].intrinsics.cx += px;
     given.pairs = {{"A", "B", 0.5, 0.012, 0.005}};
     CalibrationResult better = given;
     better.pairs[0].rms_m = 0.004;
     given.findings.push_back({RigCode::kPairApart, {"A", "B"}, "", ""});
-    for (std::size_t i = 0; i < 2; ++i) {
-      given.sensors[i].name = frames[i].name;
-      given.sensors[i].status = SensorStatus::kOk;
+    if (several) {
+      given.captures.resize(2);
+      given.captures[0].sensors = given.sensors;
+      given.sensors.push_back(given.sensors[0]);
+      given.sensors.back().name = "C";
     }
     TryHypotheses(
-        {{"", frames}}, Four().structure, CalibrateOptions(),
-        [&](const std::vector<Capture>&) { return better; }, &given);
-    EXPECT_EQ(Find(given, RigCode::kFilesExchanged) != nullptr, px > 3) << px;
+        {"", frames}, Four().structure, CalibrateOptions(), [&](const Capture&) { return better; },
+        &given);
+    EXPECT_EQ(Find(given, RigCode::kFilesExchanged) != nullptr, px > 3) << px << " " << several;
   }
 }
 
