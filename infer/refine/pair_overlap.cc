@@ -20,12 +20,6 @@ constexpr double kOverlapGate = 2 * kRoughPose;  // m, of matched points
 /// axis. The structure, in the middle of the frame, hardly shows them.
 constexpr double kIntrinsicsError = 0.002;
 
-/// Standard deviation, m, of a cloud point's depth.
-double PointSigma(const NoiseModel& noise, const Eigen::Vector3d& p) {
-  return std::hypot(std::max(noise.depth.Smooth(p.z()), kDepthStep),
-                    kIntrinsicsError * p.head<2>().norm());
-}
-
 /// One frame's part in a pair. Its errors at the matched points: the sum of their variances, m^2.
 /// The cells of one correlation length that contain these points.
 struct PairEnd {
@@ -35,7 +29,7 @@ struct PairEnd {
   std::set<std::pair<int, int>> cells = {};
 
   void Count(const Eigen::Vector3d& p) {
-    const double sigma = PointSigma(noise, p);
+    const double sigma = PointSigma(noise.depth, p);
     variance += sigma * sigma;
     const Eigen::Vector2d at = p.head<2>() / p.z() / noise.depth.smooth_rad;
     cells.insert({static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y()))});
@@ -65,8 +59,8 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
     for (const Match& match : matches) {
       const CloudPoint& from = from_end->view.Cloud(match.from);
       const CloudPoint& to = to_end->view.Cloud(match.to);
-      const double sigma =
-          std::hypot(PointSigma(from_end->noise, from.p), PointSigma(to_end->noise, to.p));
+      const double sigma = std::hypot(PointSigma(from_end->noise.depth, from.p),
+                                      PointSigma(to_end->noise.depth, to.p));
       if (sigma > kOverlapGate / 2) continue;
       const Eigen::Vector3d p = from_end->view.state.InStructure(from.p);
       if (DistanceToSurface(state.Built(a), p).distance < kOffStructure) continue;
@@ -111,6 +105,11 @@ void CountOnce(std::vector<PairOverlap>* pairs) {
 }
 
 }  // namespace
+
+double PointSigma(const DepthErrorModel& errors, const Eigen::Vector3d& p) {
+  return std::hypot(std::max(errors.Smooth(p.z()), kDepthStep),
+                    kIntrinsicsError * p.head<2>().norm());
+}
 
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
                                       const std::vector<FrameObservations>& observed,

@@ -26,6 +26,10 @@ struct PairOverlap {
   double excess = 1;                            ///< their spread in sigmas, at least 1
 };
 
+/// Standard deviation, m, of what a sensor's smooth depth error and errors of its intrinsics add to
+/// the distance of a cloud point p from a surface. Sensor frame.
+double PointSigma(const DepthErrorModel& errors, const Eigen::Vector3d& p);
+
 /// The overlaps of all pairs of frames that count (JointProblem::OverlapCounts), at `state`. Pairs
 /// with a fixed frame do not count.
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,

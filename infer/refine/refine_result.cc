@@ -11,6 +11,7 @@
 #include "core/base/parallel_for.h"
 #include "infer/refine/association.h"
 #include "infer/refine/overlap.h"
+#include "infer/refine/pair_overlap.h"
 #include "infer/refine/solution.h"
 #include "infer/refine/terms.h"
 
@@ -140,14 +141,14 @@ PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
 
 /// A point of one of two frames at `p`, against a plane with this normal (structure frame).
 /// Derivatives of the plane's distance by the frame's pose, depth offset and depth gain; variance
-/// of its depth's own error, m^2.
+/// of its own error, m^2.
 struct PointEnd {
   PointEnd(const OverlapEnd& end, const DepthErrorModel& errors, const Eigen::Vector3d& p,
            const Eigen::Vector3d& normal) {
     const Eigen::Vector3d at = end.state.InStructure(p);
     const double by_depth = normal.dot(end.state.structure_from_sensor.linear() * p) / p.z();
     jacobian << normal, at.cross(normal), by_depth, by_depth * p.z();
-    variance = Square(by_depth) * (Square(errors.White(p.z())) + Square(errors.Smooth(p.z())));
+    variance = Square(by_depth * errors.White(p.z())) + Square(PointSigma(errors, p));
   }
   FrameJacobian jacobian;
   double variance;
