@@ -295,7 +295,7 @@ def guard(results, options):
         print(f"| {name} | {now['sensors']} | {now['placed']} | {now['wrong']} ({now['wrong_ok']}) | {now['ambiguous']} | {lengths(now)}{rms} | {lengths(was)} | "
               f"{shares(now)} | {shares(was)} | {'; '.join(found) or '-'} |")
     if options.keep:
-        KEPT.write_text(json.dumps({**kept, form: families[-1]}, indent=1) + "\n")
+        KEPT.write_text(json.dumps({**kept, form: families[-1]}).replace("}, ", "},\n") + "\n")  # a family a line
     return worse
 
 

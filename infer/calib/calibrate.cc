@@ -87,8 +87,8 @@ CalibrationResult Calibrate(const std::vector<Capture>& captures, const Structur
   options.refine.threads =
       std::min(options.threads, static_cast<int>(std::thread::hardware_concurrency()));
   const CaptureSet input = CheckRequest(captures, structure, options, segmenter != nullptr);
-  const StackFinding not_asked(captures.size());
-  CalibrationResult result = CalibrateAs(input, not_asked, segmenter, options, progress, &clock);
+  CalibrationResult result =
+      CalibrateAs(input, StackFinding(captures.size()), segmenter, options, progress, &clock);
   if (options.assembly.enabled) {
     const StackFinding stack = InspectStack(result, structure, options);
     clock.Lap("assembly");

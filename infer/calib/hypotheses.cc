@@ -88,15 +88,10 @@ std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
   return factors[static_cast<std::size_t>(best - found.begin())];
 }
 
-/// The sensors of the first capture.
-const std::vector<FrameResult>& FirstSensors(const CalibrationResult& result) {
-  return result.captures.empty() ? result.sensors : result.captures.front().sensors;
-}
-
-std::size_t CountPlaced(const std::vector<FrameResult>& sensors) {
-  return static_cast<std::size_t>(std::count_if(
-      sensors.begin(), sensors.end(),
-      [](const FrameResult& sensor) { return sensor.structure_from_sensor.has_value(); }));
+/// The first capture's part of a result.
+const StackResult& First(const CalibrationResult& result) {
+  if (result.captures.empty()) return result;
+  return result.captures.front();
 }
 
 /// Sensors of one depth_scale that may be in another unit, with their frames.
@@ -115,7 +110,7 @@ bool MayBeOfAnotherUnit(const SensorOutcome& sensor, bool nothing_placed) {
 
 std::vector<Suspects> FindSuspects(const Capture& first, const CalibrationResult& result) {
   std::vector<Suspects> list;
-  for (const FrameResult& sensor : FirstSensors(result)) {
+  for (const FrameResult& sensor : First(result).sensors) {
     const SensorFrame* frame = FindFrame(first, sensor.name);
     if (!frame || !MayBeOfAnotherUnit(sensor, result.placed() == 0)) continue;
     auto of_scale = std::find_if(list.begin(), list.end(), [&](const Suspects& suspects) {
@@ -242,8 +237,8 @@ void TryExchanges(const Capture& first, const Recalibrate& recalibrate, Calibrat
   for (const Names& names : ExchangesToTry(first, *result)) {
     const CalibrationResult exchanged = recalibrate(Exchanged(first, names));
     const double square = MeanSquare(exchanged);
-    if (CountPlaced(exchanged.sensors) < CountPlaced(FirstSensors(*result)) ||
-        CountDoubts(exchanged) >= doubts || !(square < given / 2))
+    if (exchanged.placed() < First(*result).placed() || CountDoubts(exchanged) >= doubts ||
+        !(square < given / 2))
       continue;
     const auto& [a, b] = names;
     result->findings.insert(

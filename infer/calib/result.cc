@@ -77,7 +77,7 @@ SensorStatus CalibrationResult::verdict() const {
   return worst;
 }
 
-int CalibrationResult::placed() const {
+int StackResult::placed() const {
   return static_cast<int>(std::count_if(
       sensors.begin(), sensors.end(),
       [](const FrameResult& sensor) { return sensor.structure_from_sensor.has_value(); }));

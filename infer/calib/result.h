@@ -138,6 +138,8 @@ struct StackResult {
   /// refer to it. It is the nominal one if nothing was estimated.
   Structure built;
   std::vector<RefinedBox> boxes;  ///< of Structure::boxes()
+
+  int placed() const;  ///< number of sensors
 };
 
 /// One capture's part of the result. Its geometry is in the structure where it stood then.
@@ -161,7 +163,6 @@ struct CalibrationResult : StackResult {
 
   /// The worst of the sensors' statuses; with findings, weak at best.
   SensorStatus verdict() const;
-  int placed() const;
 };
 
 }  // namespace volalign
