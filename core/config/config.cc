@@ -16,6 +16,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
 
@@ -76,15 +77,8 @@ std::int64_t ParseInt(const std::string& text, const std::string& key, const std
 }
 
 double ParseDouble(const std::string& text, const std::string& key, const std::string& where) {
-  double value = 0;
-  const char* begin = text.data();
-  const char* end = begin + text.size();
-  if (begin != end && *begin == '+') ++begin;
-  const auto result = std::from_chars(begin, end, value);
-  if (result.ec != std::errc() || result.ptr != end || !std::isfinite(value)) {
-    BadType(text, "a finite number", key, where);
-  }
-  return value;
+  if (const std::optional<double> value = NumberOf(text)) return *value;
+  BadType(text, "a finite number", key, where);
 }
 
 void CheckRange(std::int64_t value, std::int64_t low, std::uint64_t high, const std::string& key,
@@ -191,6 +185,15 @@ class Flattener {
   Leaves* leaves_;
 };
 
+/// Erases a list: its own leaf, and those of its items that `over` has not.
+void EraseList(const std::string& key, const Leaves& over, Leaves* leaves) {
+  leaves->erase(key);
+  const std::string items = key + "[";
+  for (auto it = leaves->lower_bound(items);
+       it != leaves->end() && it->first.compare(0, items.size(), items) == 0;)
+    it = over.count(it->first) ? std::next(it) : leaves->erase(it);
+}
+
 YAML::Node Load(const std::string& yaml, const std::string& name) {
   try {
     return LoadYaml(yaml);
@@ -277,12 +280,7 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
   Flattener(where, &given, /*lines=*/false).Value(value, key, where);
   // A list replaces earlier values. An item of the list replaces its being empty.
   if (value.IsSequence()) {
-    leaves_.erase(key);
-    const std::string items = key + "[";
-    for (auto it = leaves_.lower_bound(items);
-         it != leaves_.end() && it->first.compare(0, items.size(), items) == 0;) {
-      it = leaves_.erase(it);
-    }
+    EraseList(key, {}, &leaves_);
   } else if (key.find('[') != std::string::npos) {
     leaves_.erase(key.substr(0, key.find('[')));
   }
@@ -303,14 +301,7 @@ void ConfigSource::Merge(const ConfigSource& over) {
     // A list of maps replaces the inherited list as a whole; so does an empty list.
     std::size_t bracket = key.find("[0].");
     if (bracket == std::string::npos && leaf.is_sequence) bracket = key.size();
-    if (bracket != std::string::npos) {
-      const std::string list = key.substr(0, bracket) + "[";
-      leaves_.erase(key.substr(0, bracket));
-      for (auto it = leaves_.lower_bound(list);
-           it != leaves_.end() && it->first.compare(0, list.size(), list) == 0;) {
-        it = over.leaves_.count(it->first) ? std::next(it) : leaves_.erase(it);
-      }
-    }
+    if (bracket != std::string::npos) EraseList(key.substr(0, bracket), over.leaves_, &leaves_);
     leaves_[key] = leaf;
   }
 }

@@ -104,29 +104,16 @@ class LensInverse {
   double fold_ = 0;           ///< radius beyond which the model does not rise
 };
 
-RayTable PinholeRays(const Intrinsics& intrinsics) {
+/// `ray_of`: the ray, or nothing, of a point that the lens bends it to, both on the plane z = 1.
+template <class RayOf>
+RayTable RaysBy(const Intrinsics& intrinsics, RayOf ray_of) {
   RayTable table{intrinsics.width, intrinsics.height, {}};
   table.rays.reserve(static_cast<std::size_t>(table.width) *
                      static_cast<std::size_t>(table.height));
   for (int v = 0; v < table.height; ++v) {
     for (int u = 0; u < table.width; ++u) {
-      table.rays.emplace_back(static_cast<float>((u - intrinsics.cx) / intrinsics.fx),
-                              static_cast<float>((v - intrinsics.cy) / intrinsics.fy));
-    }
-  }
-  return table;
-}
-
-RayTable RaysThroughLens(const Intrinsics& intrinsics) {
-  LensInverse inverse(intrinsics);
-  RayTable table{intrinsics.width, intrinsics.height, {}};
-  const auto pixels =
-      static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
-  table.rays.reserve(pixels);
-  for (int v = 0; v < intrinsics.height; ++v) {
-    for (int u = 0; u < intrinsics.width; ++u) {
-      const auto ray =
-          inverse({(u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy});
+      const std::optional<Eigen::Vector2d> ray = ray_of(Eigen::Vector2d(
+          (u - intrinsics.cx) / intrinsics.fx, (v - intrinsics.cy) / intrinsics.fy));
       table.rays.push_back(
           ray ? Eigen::Vector2f(ray->cast<float>())
               : Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN()));
@@ -173,8 +160,8 @@ void RequireRays(const Intrinsics& intrinsics, const std::string& what) {
 RayTable ComputeRays(const Intrinsics& intrinsics) {
   intrinsics.Validate("ComputeRays");
   RequireRays(intrinsics, "ComputeRays");
-  if (!intrinsics.distortion.empty()) return RaysThroughLens(intrinsics);
-  return PinholeRays(intrinsics);
+  if (!intrinsics.distortion.empty()) return RaysBy(intrinsics, LensInverse(intrinsics));
+  return RaysBy(intrinsics, [](const Eigen::Vector2d& at) { return at; });
 }
 
 }  // namespace volalign

@@ -33,12 +33,7 @@ constexpr double kSmallest = 0.05, kLargest = 50;  // m
 constexpr std::array<const char*, 5> kEndings{".glb", ".gltf", ".obj", ".stl", ".ply"};
 constexpr int kMostParts = kMaxBoxes;
 
-std::string EndingOf(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending;
-}
+std::string EndingOf(const std::filesystem::path& path) { return Lower(path.extension().string()); }
 
 Eigen::Matrix3d UpwardsFrom(MeshUp up) {
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();

@@ -29,7 +29,6 @@ constexpr double kTiltedStrip = 2e-3;  // m: strip width if a covering box is no
 constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 m
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kFarthest = 1e3;  // m, of a box from the structure's origin
-constexpr int kGrid = 64;          // cells along a side whose exposed part has no simple form
 
 struct FaceAxes {
   Eigen::Vector3d normal, u, v;
@@ -520,6 +519,9 @@ namespace {
 
 constexpr double kMillimetre = 1e-3;
 
+/// Millimetres to 1 nm.
+double Rounded(double mm) { return std::round(mm * 1e6) / 1e6; }
+
 using Range = std::array<double, 2>;
 
 /// A structure in a file; lengths in millimetres.
@@ -638,11 +640,10 @@ void AppendMesh(const StructureFile::MeshEntry& entry, const std::filesystem::pa
 }
 
 StructureFile::MeshEntry EntryOf(const Box& box) {
-  const auto rounded = [](double mm) { return std::round(mm * 1e6) / 1e6; };
   StructureFile::MeshEntry entry;
   entry.name = box.name;
   for (const Eigen::Vector3d& p : box.Vertices())
-    for (const double x : p) entry.vertices.push_back(rounded(x / kMillimetre));
+    for (const double x : p) entry.vertices.push_back(Rounded(x / kMillimetre));
   for (const PartMesh::Triangle& triangle : box.mesh->triangles())
     entry.triangles.insert(entry.triangles.end(), triangle.begin(), triangle.end());
   return entry;
@@ -691,7 +692,6 @@ Structure ReadStructure(const std::filesystem::path& file_path, const MeshUnits&
 }
 
 std::string StructureYaml(const Structure& structure) {
-  const auto rounded = [](double mm) { return std::round(mm * 1e6) / 1e6; };
   StructureFile file;
   file.name = structure.name();
   for (const Box& box : structure.boxes()) {
@@ -706,13 +706,13 @@ std::string StructureYaml(const Structure& structure) {
     }
     StructureFile::BoxEntry& entry = file.boxes.emplace_back();
     entry.name = box.name;
-    entry.yaw_deg = rounded(std::atan2(r(0, 2), r(2, 2)) * 180 / M_PI);
+    entry.yaw_deg = Rounded(std::atan2(r(0, 2), r(2, 2)) * 180 / M_PI);
     const Eigen::Vector3d middle = box.structure_from_box.translation();
     const Eigen::Vector3d low = (middle - box.size / 2) / kMillimetre,
                           high = (middle + box.size / 2) / kMillimetre;
-    entry.x = {rounded(low.x()), rounded(high.x())};
-    entry.y = {rounded(low.y()), rounded(high.y())};
-    entry.z = {rounded(low.z()), rounded(high.z())};
+    entry.x = {Rounded(low.x()), Rounded(high.x())};
+    entry.y = {Rounded(low.y()), Rounded(high.y())};
+    entry.z = {Rounded(low.z()), Rounded(high.z())};
   }
   for (const std::string& side : structure.SideNames())
     file.labels.push_back({static_cast<int>(file.labels.size()) + 1, side});
