@@ -3,13 +3,12 @@ import os
 import re
 import subprocess
 import threading
-import time
 
 import numpy as np
 import pytest
 
 import volalign
-from conftest import ANGLES, CAMERA, capture_of, depth_of, frame_of, true_pose, write_capture
+from conftest import ANGLES, CAMERA, capture_of, depth_of, frame_of, true_pose
 
 NAMES = list(ANGLES)
 
