@@ -23,14 +23,6 @@ struct Checked {
   RigCheck check;
 };
 
-/// The sensor's movement, kept by the check.
-struct MovementPart {
-  std::shared_ptr<const Checked> whole;
-  const SensorMovement* part;
-
-  const SensorMovement* operator->() const { return part; }
-};
-
 std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture,
                                double false_alarm, std::vector<std::string> moved,
                                bool one_may_stay, const py::object& structure,
@@ -58,36 +50,34 @@ std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture
 }
 
 void AddMovement(py::module_& module) {
-  py::class_<MovementPart>(module, "Movement", "A sensor's two poses, in the last structure frame.")
-      .def_property_readonly("name", [](const MovementPart& m) { return m->name; })
+  py::class_<SensorMovement, std::shared_ptr<SensorMovement>>(
+      module, "Movement", "A sensor's two poses, in the last structure frame.")
+      .def_readonly("name", &SensorMovement::name)
       .def_property_readonly(
-          "movement", [](const MovementPart& m) { return ToString(m->movement); },
+          "movement", [](const SensorMovement& m) { return ToString(m.movement); },
           "\"stayed\", \"moved\" or \"undecided\".")
-      .def_property_readonly("translation_m",
-                             [](const MovementPart& m) { return m->translation_m; })
-      .def_property_readonly("rotation_deg", [](const MovementPart& m) { return m->rotation_deg; })
-      .def_property_readonly(
-          "probability", [](const MovementPart& m) { return m->probability; },
-          "Probability of so large a difference without any movement.")
-      .def_property_readonly(
-          "found_from_m", [](const MovementPart& m) { return m->found_from_m; },
-          "A movement is found with 95 % probability from this size on, m.")
-      .def_property_readonly("found_from_deg",
-                             [](const MovementPart& m) { return m->found_from_deg; })
+      .def_readonly("translation_m", &SensorMovement::translation_m)
+      .def_readonly("rotation_deg", &SensorMovement::rotation_deg)
+      .def_readonly("probability", &SensorMovement::probability,
+                    "Probability of so large a difference without any movement.")
+      .def_readonly("found_from_m", &SensorMovement::found_from_m,
+                    "A movement is found with 95 % probability from this size on, m.")
+      .def_readonly("found_from_deg", &SensorMovement::found_from_deg)
       .def_property_readonly(
           "structure_from_sensor",
-          [](const MovementPart& m) { return ArrayOf(m->structure_from_sensor); },
+          [](const SensorMovement& m) { return ArrayOf(m.structure_from_sensor); },
           "(4, 4) float64: where it stands now.")
       .def_property_readonly(
           "covariance",
-          [](const MovementPart& m) { return ArrayOf(Eigen::MatrixXd(m->covariance)); },
+          [](const SensorMovement& m) { return ArrayOf(Eigen::MatrixXd(m.covariance)); },
           "(6, 6) float64, see SensorResult.covariance.");
 }
 
+/// Each keeps the check.
 py::dict MovementsOf(const std::shared_ptr<Checked>& checked) {
   py::dict sensors;
-  for (const SensorMovement& sensor : checked->check.movements.sensors)
-    sensors[py::str(sensor.name)] = MovementPart{checked, &sensor};
+  for (SensorMovement& sensor : checked->check.movements.sensors)
+    sensors[py::str(sensor.name)] = std::shared_ptr<SensorMovement>(checked, &sensor);
   return sensors;
 }
 
