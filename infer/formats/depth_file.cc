@@ -1,10 +1,12 @@
 #include "infer/formats/depth_file.h"
 
 #include <fmt/format.h>
+#include <half.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <set>
 #include <vector>
 
@@ -37,14 +39,6 @@ std::vector<std::string> WordsOf(const std::string& name) {
   std::vector<std::string> words = Split(letters, ' ');
   words.erase(std::remove(words.begin(), words.end(), ""), words.end());
   return words;
-}
-
-StoredDepth FromImage16(const Image16& image) {
-  StoredDepth depth;
-  depth.whole_numbers = true;
-  depth.values = Image<float>(image.width(), image.height());
-  for (std::size_t i = 0; i < image.size(); ++i) depth.values[i] = image[i];
-  return depth;
 }
 
 }  // namespace
@@ -121,6 +115,35 @@ void RequireSize(long long width, long long height, const std::string& name) {
       static_cast<std::size_t>(width) * static_cast<std::size_t>(height) > kMaxPixels) {
     throw DataError(fmt::format("{}: {}x{} is no size of a depth image", name, width, height));
   }
+}
+
+float DecodeSample(const SampleType& type, const char* bytes) {
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < type.size; ++i) {
+    const auto byte = static_cast<std::uint8_t>(bytes[type.big_endian ? type.size - 1 - i : i]);
+    bits |= std::uint64_t{byte} << (8 * i);
+  }
+  const auto as = [&](auto value) {
+    std::memcpy(&value, &bits, sizeof(value));
+    return static_cast<float>(value);
+  };
+  if (type.kind == 'u') return static_cast<float>(bits);
+  if (type.kind == 'i') {
+    const std::size_t unused = 64 - 8 * type.size;
+    return static_cast<float>(static_cast<std::int64_t>(bits << unused) >> unused);
+  }
+  if (type.size == 2) {
+    Imath::half value;
+    value.setBits(static_cast<std::uint16_t>(bits));
+    return value;
+  }
+  return type.size == 4 ? as(float()) : as(double());
+}
+
+StoredDepth FromImage16(const Image16& image) {
+  StoredDepth depth{Image<float>(image.width(), image.height()), /*whole_numbers=*/true};
+  std::copy(image.begin(), image.end(), depth.values.begin());
+  return depth;
 }
 
 }  // namespace formats_internal

@@ -56,6 +56,18 @@ inline constexpr std::size_t kMaxPixels = std::size_t{1} << 26;
 /// Throws DataError unless a depth image may have this size.
 void RequireSize(long long width, long long height, const std::string& name);
 
+/// A number of a file: unsigned ('u') or signed ('i') of 1, 2, 4 or 8 bytes, or a float ('f') of 2,
+/// 4 or 8.
+struct SampleType {
+  char kind = 'u';
+  std::size_t size = 2;  ///< bytes
+  bool big_endian = false;
+};
+float DecodeSample(const SampleType& type, const char* bytes);
+
+/// Depth of whole numbers.
+StoredDepth FromImage16(const Image16& image);
+
 /// Decode whole files in memory. `name` begins every message. Values are as stored.
 StoredDepth DecodeNpy(const std::string& bytes, const std::string& name);
 StoredDepth DecodeTiff(const std::string& bytes, const std::string& name);

@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-#include <cstdint>
-#include <cstring>
 #include <string>
 #include <string_view>
 
@@ -20,9 +17,7 @@ namespace {
 constexpr std::size_t kMostDimensionDigits = 9;  // of a dimension
 
 struct NpyHeader {
-  bool big_endian = false;
-  char kind = 0;         // u, i or f
-  std::size_t size = 0;  // bytes of a value
+  SampleType type;
   bool fortran_order = false;
   int rows = 0, columns = 0;
   std::size_t data_at = 0;
@@ -59,12 +54,12 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
     if (!has_type && take("'descr'") && take(":")) {
       const bool quoted = take("'");
       const char order = scanner.TakeOneOf("<>|=");
-      header.kind = scanner.TakeOneOf("uif");
+      header.type.kind = scanner.TakeOneOf("uif");
       const char size = scanner.TakeOneOf("1248");
-      has_type = quoted && order && header.kind && size && scanner.Take("'");
+      has_type = quoted && order && header.type.kind && size && scanner.Take("'");
       require(has_type, "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
-      header.big_endian = order == '>';
-      header.size = static_cast<std::size_t>(size - '0');
+      header.type.big_endian = order == '>';
+      header.type.size = static_cast<std::size_t>(size - '0');
     } else if (!has_order && take("'fortran_order'") && take(":")) {
       header.fortran_order = take("True");
       has_order = header.fortran_order || take("False");
@@ -86,39 +81,9 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   }
   require(has_type && has_order && has_shape && scanner.rest().empty(),
           "'descr', 'fortran_order' and 'shape', each once");
-  if (header.kind == 'f' && header.size < 2) throw DataError(name + ": bad NPY header: f1");
+  if (header.type.kind == 'f' && header.type.size < 2)
+    throw DataError(name + ": bad NPY header: f1");
   return header;
-}
-
-float HalfToFloat(std::uint16_t half) {
-  const int exponent = half >> 10 & 31, mantissa = half & 1023;
-  const float sign = half >> 15 ? -1.0f : 1.0f;
-  if (exponent == 31) return mantissa ? std::nanf("") : sign * HUGE_VALF;
-  if (exponent == 0) return sign * std::ldexp(static_cast<float>(mantissa), -24);
-  return sign * std::ldexp(static_cast<float>(mantissa + 1024), exponent - 25);
-}
-
-float Decode(const NpyHeader& header, const char* bytes) {
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < header.size; ++i) {
-    const auto byte = static_cast<std::uint8_t>(bytes[header.big_endian ? header.size - 1 - i : i]);
-    bits |= std::uint64_t{byte} << (8 * i);
-  }
-  if (header.kind == 'u') return static_cast<float>(bits);
-  if (header.kind == 'i') {
-    const std::size_t unused = 64 - 8 * header.size;
-    return static_cast<float>(static_cast<std::int64_t>(bits << unused) >> unused);
-  }
-  if (header.size == 2) return HalfToFloat(static_cast<std::uint16_t>(bits));
-  if (header.size == 8) {
-    double value;
-    std::memcpy(&value, &bits, sizeof(value));
-    return static_cast<float>(value);
-  }
-  const auto low = static_cast<std::uint32_t>(bits);
-  float value;
-  std::memcpy(&value, &low, sizeof(value));
-  return value;
 }
 
 }  // namespace
@@ -128,16 +93,17 @@ StoredDepth DecodeNpy(const std::string& bytes, const std::string& name) {
   RequireSize(header.columns, header.rows, name);
   const int width = header.columns, height = header.rows;
   const std::size_t count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  if (bytes.size() - header.data_at < count * header.size) {
+  if (bytes.size() - header.data_at < count * header.type.size) {
     throw DataError(fmt::format("{}: truncated NPY: {} bytes hold no {}x{} values of {} bytes",
-                                name, bytes.size() - header.data_at, width, height, header.size));
+                                name, bytes.size() - header.data_at, width, height,
+                                header.type.size));
   }
   StoredDepth depth;
-  depth.whole_numbers = header.kind != 'f';
+  depth.whole_numbers = header.type.kind != 'f';
   depth.values = Image<float>(width, height);
   const char* at = bytes.data() + header.data_at;
-  for (std::size_t i = 0; i < count; ++i, at += header.size) {
-    const float value = Decode(header, at);
+  for (std::size_t i = 0; i < count; ++i, at += header.type.size) {
+    const float value = DecodeSample(header.type, at);
     if (header.fortran_order) {
       depth.values(static_cast<int>(i / static_cast<std::size_t>(height)),
                    static_cast<int>(i % static_cast<std::size_t>(height))) = value;

@@ -88,20 +88,11 @@ Layout ReadLayout(TIFF* tiff, const std::string& name) {
   return layout;
 }
 
-template <class T>
-float As(const std::uint8_t* bytes) {
-  T value;
-  std::memcpy(&value, bytes, sizeof(value));
-  return static_cast<float>(value);
-}
-
-float Decode(const Layout& layout, const std::uint8_t* bytes) {
-  const bool is_signed = layout.format == SAMPLEFORMAT_INT;
-  if (layout.format == SAMPLEFORMAT_IEEEFP)
-    return layout.bits == 32 ? As<float>(bytes) : As<double>(bytes);
-  if (layout.bits == 8) return is_signed ? As<std::int8_t>(bytes) : As<std::uint8_t>(bytes);
-  if (layout.bits == 16) return is_signed ? As<std::int16_t>(bytes) : As<std::uint16_t>(bytes);
-  return is_signed ? As<std::int32_t>(bytes) : As<std::uint32_t>(bytes);
+SampleType TypeOf(const Layout& layout) {
+  const char kind = layout.format == SAMPLEFORMAT_IEEEFP ? 'f'
+                    : layout.format == SAMPLEFORMAT_INT  ? 'i'
+                                                         : 'u';
+  return {kind, layout.bits / 8u, /*big_endian=*/false};  // libtiff gives the machine's order
 }
 
 void ReadTiles(TIFF* tiff, const Layout& layout, const std::string& name,
@@ -110,17 +101,17 @@ void ReadTiles(TIFF* tiff, const Layout& layout, const std::string& name,
   TIFFGetField(tiff, TIFFTAG_TILEWIDTH, &tile_width);
   TIFFGetField(tiff, TIFFTAG_TILELENGTH, &tile_height);
   RequireSize(tile_width, tile_height, name);
-  const std::size_t sample = layout.bits / 8u;
-  std::vector<std::uint8_t> tile(
-      std::max(static_cast<std::size_t>(TIFFTileSize(tiff)), sample * tile_width * tile_height));
+  const SampleType type = TypeOf(layout);
+  std::vector<char> tile(
+      std::max(static_cast<std::size_t>(TIFFTileSize(tiff)), type.size * tile_width * tile_height));
   for (std::uint32_t y = 0; y < layout.height; y += tile_height) {
     for (std::uint32_t x = 0; x < layout.width; x += tile_width) {
       if (TIFFReadTile(tiff, tile.data(), x, y, 0, 0) < 0) FailUnreadable(name, last_error);
       for (std::uint32_t v = y; v < std::min(y + tile_height, layout.height); ++v) {
         for (std::uint32_t u = x; u < std::min(x + tile_width, layout.width); ++u) {
-          (*values)(static_cast<int>(u), static_cast<int>(v)) =
-              Decode(layout,
-                     tile.data() + sample * (static_cast<std::size_t>(v - y) * tile_width + u - x));
+          (*values)(static_cast<int>(u), static_cast<int>(v)) = DecodeSample(
+              type,
+              tile.data() + type.size * (static_cast<std::size_t>(v - y) * tile_width + u - x));
         }
       }
     }
@@ -129,14 +120,14 @@ void ReadTiles(TIFF* tiff, const Layout& layout, const std::string& name,
 
 void ReadLines(TIFF* tiff, const Layout& layout, const std::string& name,
                const std::string& last_error, Image<float>* values) {
-  const std::size_t sample = layout.bits / 8u;
-  std::vector<std::uint8_t> line(
-      std::max(static_cast<std::size_t>(TIFFScanlineSize(tiff)), sample * layout.width));
+  const SampleType type = TypeOf(layout);
+  std::vector<char> line(
+      std::max(static_cast<std::size_t>(TIFFScanlineSize(tiff)), type.size * layout.width));
   for (std::uint32_t v = 0; v < layout.height; ++v) {
     if (TIFFReadScanline(tiff, line.data(), v, 0) < 0) FailUnreadable(name, last_error);
     for (std::uint32_t u = 0; u < layout.width; ++u)
       (*values)(static_cast<int>(u), static_cast<int>(v)) =
-          Decode(layout, line.data() + sample * u);
+          DecodeSample(type, line.data() + type.size * u);
   }
 }
 

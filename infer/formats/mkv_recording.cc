@@ -18,7 +18,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <exception>
 #include <map>
 #include <memory>
@@ -28,6 +27,7 @@
 #include "infer/formats/intrinsics_file.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/recording.h"
+#include "infer/formats/ros_depth.h"
 
 namespace volalign::formats_internal {
 
@@ -137,20 +137,14 @@ void KeepDepthTracks(Content* content) {
 
 StoredDepth Decode(const Track& track, const std::uint8_t* bytes, std::size_t size,
                    const std::string& name) {
-  RequireSize(track.width, track.height, name);
-  const std::size_t count =
-      static_cast<std::size_t>(track.width) * static_cast<std::size_t>(track.height);
-  if (size < 2 * count) {
-    throw DataError(fmt::format("{}: damaged: {} bytes are no frame of {}x{}", name, size,
-                                track.width, track.height));
-  }
-  const std::size_t high = track.fourcc == "b16g" ? 0 : 1;
-  StoredDepth depth;
-  depth.whole_numbers = true;
-  depth.values = Image<float>(track.width, track.height);
-  for (std::size_t i = 0; i < count; ++i)
-    depth.values[i] = static_cast<float>(bytes[2 * i + high] << 8 | bytes[2 * i + 1 - high]);
-  return depth;
+  RosImage image;
+  image.width = static_cast<std::uint32_t>(track.width);
+  image.height = static_cast<std::uint32_t>(track.height);
+  image.step = 2 * image.width;
+  image.encoding = "16UC1";
+  image.big_endian = track.fourcc == "b16g";
+  image.data = std::string_view(reinterpret_cast<const char*>(bytes), size);
+  return DecodeImage(image, name);
 }
 
 void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, ReadBudget* budget,

@@ -73,9 +73,7 @@ StoredDepth DecodeCompressed(std::string_view data, const std::string& name) {
   reader.Take(kDepthHeader);
   const Image16 png = DecodeDepth(std::string(reader.Take(reader.left())), name);
   RequireSize(png.width(), png.height(), name);
-  StoredDepth depth{Image<float>(png.width(), png.height()), /*whole_numbers=*/true};
-  std::copy(png.begin(), png.end(), depth.values.begin());
-  return depth;
+  return FromImage16(png);
 }
 
 /// "Name=Intel RealSense D415;Serial Number=9185".

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "core/base/error.h"
@@ -272,8 +271,8 @@ std::string OrbbecProfileNumber(const std::string& topic) {
 StoredDepth DecodeImage(const RosImage& image, const std::string& name) {
   RequireSize(image.width, image.height, name);
   const bool is_float = image.encoding == "32FC1";  // else 16 bits: 16UC1, mono16, z16
-  const std::size_t sample = is_float ? 4 : 2;
-  if (image.step < sample * image.width ||
+  const SampleType type{is_float ? 'f' : 'u', is_float ? 4u : 2u, image.big_endian};
+  if (image.step < type.size * image.width ||
       image.data.size() < static_cast<std::size_t>(image.step) * image.height)
     throw DataError(fmt::format("{}: damaged: {} bytes are no image of {}x{}", name,
                                 image.data.size(), image.width, image.height));
@@ -282,14 +281,8 @@ StoredDepth DecodeImage(const RosImage& image, const std::string& name) {
   depth.values = Image<float>(static_cast<int>(image.width), static_cast<int>(image.height));
   for (std::uint32_t v = 0; v < image.height; ++v) {
     for (std::uint32_t u = 0; u < image.width; ++u) {
-      const char* at = image.data.data() + static_cast<std::size_t>(image.step) * v + sample * u;
-      std::uint32_t bits = 0;
-      for (std::size_t i = 0; i < sample; ++i) {
-        const auto byte = static_cast<std::uint8_t>(at[image.big_endian ? sample - 1 - i : i]);
-        bits |= static_cast<std::uint32_t>(byte) << (8 * i);
-      }
-      float value = static_cast<float>(bits);
-      if (is_float) std::memcpy(&value, &bits, sizeof(value));
+      const char* at = image.data.data() + static_cast<std::size_t>(image.step) * v + type.size * u;
+      const float value = DecodeSample(type, at);
       // REP 118: NaN and infinities are no measurement, as 0 is.
       depth.values(static_cast<int>(u), static_cast<int>(v)) =
           value > 0 && value < 1e6f ? value : 0;
