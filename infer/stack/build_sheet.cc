@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/geometry/visibility.h"
 #include "core/plot/svg.h"
 #include "infer/stack/build_steps.h"
 
@@ -154,22 +155,6 @@ std::vector<std::size_t> BackToFront(const std::vector<Eigen::AlignedBox3d>& bou
   return order;
 }
 
-bool Hits(const Box& box, const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
-  const Pose inverse = box.structure_from_box.inverse();
-  const Eigen::Vector3d p = inverse * from, d = inverse.linear() * direction;
-  double low = kTouching, high = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < 3; ++i) {
-    const double half = box.size[i] / 2;
-    if (std::abs(d[i]) < 1e-9) {
-      if (std::abs(p[i]) > half) return false;
-      continue;
-    }
-    low = std::max(low, std::min((-half - p[i]) / d[i], (half - p[i]) / d[i]));
-    high = std::min(high, std::max((-half - p[i]) / d[i], (half - p[i]) / d[i]));
-  }
-  return low < high;
-}
-
 /// The visible point of the box nearest to the middle of its visible points; none for a hidden box.
 std::optional<Eigen::Vector3d> Anchor(const Structure& structure, int box) {
   constexpr int kGrid = 9;
@@ -180,12 +165,9 @@ std::optional<Eigen::Vector3d> Anchor(const Structure& structure, int box) {
       for (int j = 1; j < kGrid; ++j) {
         const Eigen::Vector3d p = side.centre + (2.0 * i / kGrid - 1) * side.half_u * side.axis_u +
                                   (2.0 * j / kGrid - 1) * side.half_v * side.axis_v;
-        bool hidden = false;
-        for (std::size_t b = 0; b < structure.boxes().size() && !hidden; ++b) {
-          hidden =
-              static_cast<int>(b) != box && Hits(structure.boxes()[b], p, IsometricView::Towards());
-        }
-        if (!hidden) seen.push_back(p);
+        // From within its own box, so that one that touches it there hides the point.
+        const Eigen::Vector3d from = p - kTouching * IsometricView::Towards();
+        if (CastRay(structure, from, IsometricView::Towards()).side < 0) seen.push_back(p);
       }
     }
   }
