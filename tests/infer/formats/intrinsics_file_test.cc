@@ -236,20 +236,6 @@ TEST(WhyNoText, NamesWhatNoReaderTakes) {
   ExpectError<DataError>([&] { ParseIntrinsicsText(utf16, "k.txt", {4, 3}); }, {"k.txt", "UTF-16"});
 }
 
-TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPoint) {
-  const std::optional<Intrinsics> found = FromPyrealsense(
-      "depth: [ 640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
-  ASSERT_TRUE(found);
-  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
-  EXPECT_FALSE(FromPyrealsense("width: 640", "file"));
-  ExpectError<DataError>(
-      [] { FromPyrealsense("[ 640x480  p[x 240.9]  f[1 2]  Brown Conrady [0 0 0 0 0] ]", "file"); },
-      {"file", "p[...]"});
-  ExpectError<DataError>(
-      [] { FromPyrealsense("[ 640x480  p[1 2]  f[1 2]  Ftheta [1 0 0 0 0] ]", "file"); },
-      {"file", "Ftheta"});
-}
-
 /// A decimal comma, and points between thousands.
 struct CommaPoint : std::numpunct<char> {
   char do_decimal_point() const override { return ','; }
@@ -257,13 +243,24 @@ struct CommaPoint : std::numpunct<char> {
   std::string do_grouping() const override { return "\3"; }
 };
 
-TEST(FromPyrealsense, WhateverTheLocale) {
-  const std::locale before = std::locale::global(std::locale(std::locale(), new CommaPoint));
-  const auto found = FromPyrealsense(
-      "[ 640x480  p[318.500 240.9]  f[383.300 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]", "file");
-  std::locale::global(before);
-  ASSERT_TRUE(found);
-  EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
+TEST(FromPyrealsense, TellsFocalLengthsFromThePrincipalPointWhateverTheLocale) {
+  const std::locale before;
+  for (const std::locale& locale : {before, std::locale(before, new CommaPoint)}) {
+    std::locale::global(locale);
+    const std::optional<Intrinsics> found = FromPyrealsense(
+        "depth: [ 640x480  p[318.500 240.9]  f[383.300 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]",
+        "file");
+    std::locale::global(before);
+    ASSERT_TRUE(found);
+    EXPECT_EQ(*found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
+  }
+  EXPECT_FALSE(FromPyrealsense("width: 640", "file"));
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[x 240.9]  f[1 2]  Brown Conrady [0 0 0 0 0] ]", "file"); },
+      {"file", "p[...]"});
+  ExpectError<DataError>(
+      [] { FromPyrealsense("[ 640x480  p[1 2]  f[1 2]  Ftheta [1 0 0 0 0] ]", "file"); },
+      {"file", "Ftheta"});
 }
 
 // Blanks and brackets without end, which a backtracking search would go through by recursion, or
