@@ -72,6 +72,8 @@ ordered_json Components(const std::vector<std::string>& names, const std::vector
   return json;
 }
 
+std::string FileText(const ordered_json& file) { return file.dump(2) + "\n"; }
+
 Intrinsics Open3dIntrinsics(const JsonObject& object) {
   const Eigen::MatrixXd matrix = FromColumnMajor(object, "intrinsic_matrix", 3);
   Intrinsics k{object.Int("width"),
@@ -96,11 +98,9 @@ std::string WritePosesJson(const Poses& poses, const FileFrame& frame) {
     if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
     sensors.push_back(std::move(sensor));
   }
-  return ordered_json{{"format", kPosesFormat},
-                      {"convention", Convention(kPosesConvention, frame.world)},
-                      {"sensors", std::move(sensors)}}
-             .dump(2) +
-         "\n";
+  return FileText({{"format", kPosesFormat},
+                   {"convention", Convention(kPosesConvention, frame.world)},
+                   {"sensors", std::move(sensors)}});
 }
 
 Poses ReadPosesJson(const std::string& text, const std::string& name) {
@@ -144,16 +144,14 @@ std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
          {"version_major", 1},
          {"version_minor", 0}});
   }
-  return ordered_json{{"class_name", "PinholeCameraTrajectory"},
-                      {"convention", Convention(kOpen3dConvention, frame.world)},
-                      {"names", std::move(names)},
-                      {"depth_gain", std::move(gains)},
-                      {"depth_offset_m", std::move(offsets_m)},
-                      {"parameters", std::move(parameters)},
-                      {"version_major", 1},
-                      {"version_minor", 0}}
-             .dump(2) +
-         "\n";
+  return FileText({{"class_name", "PinholeCameraTrajectory"},
+                   {"convention", Convention(kOpen3dConvention, frame.world)},
+                   {"names", std::move(names)},
+                   {"depth_gain", std::move(gains)},
+                   {"depth_offset_m", std::move(offsets_m)},
+                   {"parameters", std::move(parameters)},
+                   {"version_major", 1},
+                   {"version_minor", 0}});
 }
 
 Poses ReadOpen3d(const std::string& text, const std::string& name) {
@@ -199,10 +197,8 @@ std::string WriteUnity(const Poses& poses, const FileFrame& frame) {
     if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
     sensors.push_back(std::move(sensor));
   }
-  return ordered_json{{"convention", Convention(kUnityConvention, frame.world)},
-                      {"sensors", std::move(sensors)}}
-             .dump(2) +
-         "\n";
+  return FileText(
+      {{"convention", Convention(kUnityConvention, frame.world)}, {"sensors", std::move(sensors)}});
 }
 
 Poses ReadUnity(const std::string& text, const std::string& name) {
@@ -238,12 +234,10 @@ std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
                        {"trafo", ToRows(pose.structure_from_sensor)}});
     AddDepth(pose, &cameras.back());
   }
-  return ordered_json{{"version", kCwipcVersion},
-                      {"type", ""},
-                      {"convention", Convention(kCwipcConvention, frame.world)},
-                      {"camera", std::move(cameras)}}
-             .dump(2) +
-         "\n";
+  return FileText({{"version", kCwipcVersion},
+                   {"type", ""},
+                   {"convention", Convention(kCwipcConvention, frame.world)},
+                   {"camera", std::move(cameras)}});
 }
 
 Poses ReadCwipc(const std::string& text, const std::string& name) {
