@@ -30,10 +30,7 @@ constexpr double kGoldenAngleDeg = 137.50776405003785;
 std::vector<Eigen::Vector3d> Corners(const Structure& structure) {
   std::vector<Eigen::Vector3d> corners;
   for (const Box& box : structure.boxes()) {
-    for (int i = 0; i < 8; ++i) {
-      const Eigen::Vector3d sign(i & 1 ? 0.5 : -0.5, i & 2 ? 0.5 : -0.5, i & 4 ? 0.5 : -0.5);
-      corners.push_back(box.structure_from_box * Eigen::Vector3d(sign.cwiseProduct(box.size)));
-    }
+    for (const Eigen::Vector3d& corner : box.Corners()) corners.push_back(corner);
   }
   return corners;
 }

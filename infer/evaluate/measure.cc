@@ -52,16 +52,11 @@ class SharedSegmenter : public Segmenter {
   };
 
   std::size_t Find(const SegmentationRequest& request) const {
-    const Intrinsics& k = *request.intrinsics;
-    for (std::size_t i = 0; i < known_.size(); ++i) {
-      const Intrinsics& other = known_[i].intrinsics;
-      if (known_[i].turns == request.quarter_turns && other.fx == k.fx && other.fy == k.fy &&
-          other.cx == k.cx && other.cy == k.cy && other.distortion == k.distortion &&
-          known_[i].depth == *request.depth) {
-        return i;
-      }
-    }
-    return known_.size();
+    const auto found = std::find_if(known_.begin(), known_.end(), [&](const Known& known) {
+      return known.turns == request.quarter_turns && known.intrinsics == *request.intrinsics &&
+             known.depth == *request.depth;
+    });
+    return static_cast<std::size_t>(found - known_.begin());
   }
 
   Segmenter* inner_;

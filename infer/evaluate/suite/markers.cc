@@ -25,11 +25,7 @@ constexpr double kLeastSlant = 0.25;
 constexpr double kCover = 1e-3;  // m above a side where another box covers it
 
 bool Covered(const Structure& structure, const Side& side) {
-  const Eigen::Vector3d above = side.centre + kCover * side.normal;
-  return std::any_of(structure.boxes().begin(), structure.boxes().end(), [&](const Box& box) {
-    const Eigen::Vector3d p = box.structure_from_box.inverse() * above;
-    return (p.cwiseAbs().array() < 0.5 * box.size.array()).all();
-  });
+  return structure.Contains(side.centre + kCover * side.normal);
 }
 
 using MarkerCorners = std::vector<std::vector<cv::Point2f>>;
