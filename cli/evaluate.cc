@@ -26,7 +26,6 @@
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
-#include "infer/evaluate/suite/write_suite.h"
 #include "infer/evaluate/tables.h"
 #include "render/egl/renderers.h"
 

@@ -14,6 +14,14 @@ namespace volalign {
 
 namespace {
 
+constexpr int kIterations = 25;  // rounds of correspondences and one Gauss-Newton step each
+// m, within which points correspond in the first round and in the last one. Points of a view within
+// the first, at the initial pose, belong to the structure.
+constexpr double kFirstDistance = 0.15, kLastDistance = 0.03;
+constexpr double kMaxNormalAngle = 45 * kDegree;  // between normals of points that correspond
+constexpr std::size_t kMaxPoints = 1500;          // per view, approximately
+constexpr double kFloorMargin =
+    0.02;  // m, below it points belong to the floor, at the initial pose
 constexpr double kModelSpacing = 0.01;  // m, of the model's points
 constexpr int kNormalRadius = 2;        // px, of the plane that gives a point's normal
 constexpr double kDamping = 1e-6;       // of the mean diagonal, for directions that nothing fixes
@@ -34,19 +42,19 @@ Cloud ModelCloud(const Structure& structure) {
 }
 
 /// Points of a view, sensor frame, that lie near the structure at the initial pose.
-Cloud ViewCloud(const GraphFrame& of, const Structure& structure, const GraphIcpOptions& options) {
+Cloud ViewCloud(const GraphFrame& of, const Structure& structure) {
   const SensorView& view = *of.view;
-  const double lowest = structure.FloorHeight() + options.floor_margin_m;
+  const double lowest = structure.FloorHeight() + kFloorMargin;
   std::vector<std::pair<int, int>> pixels;
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
       if (!(view.depth(u, v) > 0)) continue;
       const Eigen::Vector3d p = of.structure_from_sensor * view.Point(u, v);
-      if (p.y() > lowest && DistanceToSurface(structure, p).distance < options.first_distance_m)
+      if (p.y() > lowest && DistanceToSurface(structure, p).distance < kFirstDistance)
         pixels.emplace_back(u, v);
     }
   }
-  const std::size_t step = pixels.size() / static_cast<std::size_t>(options.max_points) + 1;
+  const std::size_t step = pixels.size() / kMaxPoints + 1;
   Cloud cloud;
   for (std::size_t i = step / 2; i < pixels.size(); i += step) {
     const auto [u, v] = pixels[i];
@@ -129,7 +137,7 @@ struct Equations {
 }  // namespace
 
 std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<GraphFrame>& views,
-                              const GraphIcpOptions& options) {
+                              double min_overlap) {
   const Cloud model = ModelCloud(structure);
   const KdTree model_tree(model.points);
   const int count = static_cast<int>(views.size());
@@ -137,15 +145,13 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
   std::vector<Cloud> clouds;
   for (const GraphFrame& view : views) {
     poses.push_back(view.structure_from_sensor);
-    clouds.push_back(ViewCloud(view, structure, options));
+    clouds.push_back(ViewCloud(view, structure));
   }
-  const double cosine = std::cos(options.max_normal_angle_deg * kDegree);
+  const double cosine = std::cos(kMaxNormalAngle);
   std::vector<std::pair<int, int>> edges;
-  for (int round = 0; round < options.iterations && count > 0; ++round) {
-    const double at = options.iterations == 1 ? 1.0 : round / (options.iterations - 1.0);
-    const Gate gate{
-        options.first_distance_m * std::pow(options.last_distance_m / options.first_distance_m, at),
-        cosine};
+  for (int round = 0; round < kIterations && count > 0; ++round) {
+    const double at = round / (kIterations - 1.0);
+    const Gate gate{kFirstDistance * std::pow(kLastDistance / kFirstDistance, at), cosine};
     std::vector<Cloud> moved;
     std::vector<KdTree> trees;
     for (int i = 0; i < count; ++i) {
@@ -163,7 +169,7 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
           if (i == j) continue;
           const auto points =
               static_cast<double>(clouds[static_cast<std::size_t>(i)].points.size());
-          if (static_cast<double>(matches(i, j).size()) > options.min_overlap * points)
+          if (static_cast<double>(matches(i, j).size()) > min_overlap * points)
             edges.emplace_back(i, j);
         }
       }

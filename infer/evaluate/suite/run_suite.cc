@@ -11,11 +11,13 @@
 #include <optional>
 #include <utility>
 
+#include "core/base/file_util.h"
 #include "core/base/parallel_for.h"
 #include "core/geometry/rig.h"
 #include "core/geometry/structure.h"
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/suite_items.h"
+#include "infer/evaluate/suite/table_data.h"
 
 namespace volalign {
 
@@ -126,6 +128,22 @@ std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& ru
   std::vector<CaptureScores> all;
   for (std::vector<CaptureScores>& of_item : results)
     std::move(of_item.begin(), of_item.end(), std::back_inserter(all));
+  return all;
+}
+
+std::string WriteSuite(const std::filesystem::path& folder, const SuiteConfig& suite,
+                       const std::vector<CaptureScores>& scores) {
+  std::string all;
+  for (const SuiteTable& table : suite.tables) {
+    const TableData data = MakeTable(suite, table, scores);
+    const std::string markdown = FormatMarkdown(data);
+    WriteFileAtomically(folder / (table.name + ".md"), markdown);
+    WriteFileAtomically(folder / (table.name + ".csv"), FormatCsv(data));
+    WriteFileAtomically(folder / (table.name + ".json"), FormatTableJson(data));
+    all += (all.empty() ? "" : "\n") + markdown;
+  }
+  WriteFileAtomically(folder / "suite.md", all);
+  WriteFileAtomically(folder / "suite.json", FormatScores(scores));
   return all;
 }
 

@@ -28,4 +28,9 @@ struct SuiteRun {
 /// calibration throw.
 std::vector<CaptureScores> RunSuite(const SuiteConfig& suite, const SuiteRun& run);
 
+/// Writes TABLE.md, .csv and .json for each table into a folder, suite.md with all tables, and
+/// suite.json with the scores. Returns suite.md's text.
+std::string WriteSuite(const std::filesystem::path& folder, const SuiteConfig& suite,
+                       const std::vector<CaptureScores>& scores);
+
 }  // namespace volalign

@@ -307,15 +307,13 @@ TEST(GraphIcp, JoinsViewsThatOverlap) {
     for (std::size_t i = 0; i < 2; ++i)
       AddSmoothError(&rig.frames[i].depth, 0.004, 20, 2 * seed + i);
     const Perturbed start = Perturb(rig, 0.03, 0.02, seed);
-    GraphIcpOptions alone;
-    alone.min_overlap = 1;  // no pair reaches it
     const auto between = [&](const std::vector<Pose>& poses) {
       const Pose& a = *rig.frames[0].ground_truth;
       const Pose& b = *rig.frames[1].ground_truth;
       return ComparePoses(poses[0].inverse() * poses[1], a.inverse() * b).translation_m;
     };
     const std::vector<Pose> joined = RefineGraph(rig.structure, start.graph);
-    apart_m += between(RefineGraph(rig.structure, start.graph, alone)) / 8;
+    apart_m += between(RefineGraph(rig.structure, start.graph, /*min_overlap=*/1)) / 8;
     joined_m += between(joined) / 8;
     for (std::size_t i = 0; i < 2; ++i)
       EXPECT_LT(ComparePoses(joined[i], *rig.frames[i].ground_truth).translation_m, 0.025);

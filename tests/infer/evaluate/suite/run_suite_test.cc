@@ -13,7 +13,6 @@
 #include "core/base/file_util.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/table_data.h"
-#include "infer/evaluate/suite/write_suite.h"
 #include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
