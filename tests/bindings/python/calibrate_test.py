@@ -30,14 +30,16 @@ def test_a_world_of_ones_own(capture, tmp_path):
     (tmp_path / "world.json").write_text(json.dumps({"format": "volalign.world/1", "name": "base", "sigma_m": 0.001, "sigma_deg": 0.1, "world_from_structure": base.tolist()}))
     own.set_world(tmp_path / "world.json")
     np.testing.assert_allclose(own.world_from_structure, base)
-    for name, pose in poses_of(own).items():
-        volalign.convert(own, "poses", tmp_path / "world_poses.json")
-        np.testing.assert_allclose(volalign.read_poses(tmp_path / "world_poses.json", "poses")[name].structure_from_sensor, base @ pose, atol=1e-9)
+    volalign.convert(own, "poses", tmp_path / "world_poses.json")
+    in_world = volalign.read_poses(tmp_path / "world_poses.json", "poses")
     volalign.convert(own, "poses", tmp_path / "poses.json", origin="structure")
-    np.testing.assert_allclose(volalign.read_poses(tmp_path / "poses.json", "poses")[name].structure_from_sensor, pose, atol=1e-9)
+    in_structure = volalign.read_poses(tmp_path / "poses.json", "poses")
     own.save(tmp_path / "out", report=False)
     saved = json.loads((tmp_path / "out" / "extrinsics.json").read_text())
-    np.testing.assert_allclose(saved["sensors"][name]["world_from_sensor"], base @ pose, atol=1e-9)
+    for name, pose in poses_of(own).items():
+        np.testing.assert_allclose(in_world[name].structure_from_sensor, base @ pose, atol=1e-9)
+        np.testing.assert_allclose(in_structure[name].structure_from_sensor, pose, atol=1e-9)
+        np.testing.assert_allclose(saved["sensors"][name]["world_from_sensor"], base @ pose, atol=1e-9)
     assert "frame of base" in (tmp_path / "out" / "clouds" / "merged.ply").read_bytes()[:200].decode("ascii", "ignore")
 
 
