@@ -20,13 +20,11 @@ import sys
 
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests"))
-import accuracy  # noqa: E402
-import results_readme  # noqa: E402
+import results_readme
+from common import D415, KINECT, ROOT, table
+import accuracy
 
 MODEL = "models/m05-lite.safetensors"
-KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
 RIGS = [f"configs/rig_{name}.yaml" for name in ("ring8", "arc8", "ring4", "irregular")]
 STATUSES = ["ok", "weak", "failed"]
 BEGIN, END = "<!-- measured: written by tests/bench/results_page.py -->\n", "<!-- end of measured -->\n"
@@ -87,7 +85,7 @@ class Page:
         self.add("\n".join("    " + line for line in lines))
 
     def table(self, head, rows):
-        self.add("\n".join(["| " + " | ".join(head) + " |", "|" + "---|" * len(head), *("| " + " | ".join(row) + " |" for row in rows)]))
+        self.add(table(head, rows))
 
 
 def position(summary, key):

@@ -5,13 +5,12 @@
     tests/bench/results_readme.py --check  fails where the README has other numbers
 """
 
-import pathlib
 import re
 import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+from common import D415, KINECT, ROOT, table
+
 BEGIN, END = "<!-- accuracy: written by tests/bench/results_readme.py from docs/results.md -->\n", "<!-- end of accuracy -->\n"
-KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
 
 
 def tables_of(page, heading):
@@ -61,9 +60,8 @@ def accuracy(page):
 Errors of the refined poses, median / 95th percentile, of `{version}`{f", measured on a share of {share.group(1)} of the rigs" if share else ""}.
 [docs/results.md](docs/results.md) has the command and more figures.
 
-| sensors | position, mm | rotation, deg | measured on |
-|---|---|---|---|
-""" + "".join("| " + " | ".join(row) + " |\n" for row in rows) + f"""
+{table(["sensors", "position, mm", "rotation, deg", "measured on"], rows)}
+
 {every['lost']} of the {sensors} rendered sensors were lost, {every['wrong']} were placed wrongly, and {every['weak']} were reported as `weak`. {one} % of the 68 % intervals and {both} % of
 the 95 % intervals hold the true value.
 

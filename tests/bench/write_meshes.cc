@@ -1,11 +1,11 @@
 // Writes the ten meshes of tests/core/geometry/mesh_shapes.h into a folder, for
 // tests/bench/meshes.py.
 
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 
+#include "tests/bench/program.h"
 #include "tests/core/geometry/mesh_shapes.h"
 
 int main(int argc, char** argv) {
@@ -13,15 +13,12 @@ int main(int argc, char** argv) {
     std::cerr << "write_meshes FOLDER\n";
     return 2;
   }
-  try {
+  return volalign::StatusOf([&] {
     const std::filesystem::path folder = argv[1];
     std::filesystem::create_directories(folder);
     for (const volalign::mesh_shapes::Shape& shape : volalign::mesh_shapes::TenShapes())
       std::ofstream(folder / (shape.name + ".glb"), std::ios::binary)
           << volalign::mesh_shapes::Glb(shape);
-  } catch (const std::exception& error) {
-    std::cerr << error.what() << '\n';
-    return 1;
-  }
-  return 0;
+    return 0;
+  });
 }
