@@ -153,6 +153,10 @@ class Results(WithACapture):
         changed(0, lambda sensor: sensor.update(depth="/dev/zero"), '"A"', "/dev/zero", "device")
         changed(0, lambda sensor: sensor["intrinsics"].update(width=640), "A", "320", "640")
         changed(1, lambda sensor: sensor.update(name="A"), '"A"')
+        changed(1, lambda sensor: sensor.update(depth="contact_sheet.png"), 'sensor "B"', "is it the colour picture?")
+        changed(0, lambda sensor: sensor.update(intrinsic=sensor.pop("intrinsics")), 'sensor "A"', '"intrinsic" is unknown; did you mean "intrinsics"?')
+        orbbec = [16.1704, 8.44953, 0.324469, 16.4805, 13.9441, 1.99604, 5.9e-05, -1.5e-05]
+        changed(1, lambda sensor: sensor["intrinsics"].update(distortion=orbbec), "capture.json", 'sensor "B"', "k1 k2 p1 p2 k3")
         text = json.dumps(good)
         self.write("capture/capture.json", text.replace('"fx":', '"fx": NaN, "f":', 1))
         refused("capture.json")
