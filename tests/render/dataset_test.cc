@@ -21,6 +21,7 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/render/expect_equal.h"
 
 namespace volalign::dataset_test {
 namespace {
@@ -81,20 +82,8 @@ TEST(Dataset, ReadsTheSamplesThatWereDrawn) {
   const EglContext egl;
   GlDepthRenderer renderer;
   const auto context = Context();
-  for (std::uint64_t i = 0; i < 21; ++i) {
-    const Sample truth = Synthesize(*context, renderer, 3, kFirst + i);
-    const Sample& read = samples[i];
-    EXPECT_EQ(read.index, truth.index);
-    EXPECT_TRUE(read.depth == truth.depth) << "sample " << truth.index;
-    EXPECT_TRUE(read.labels == truth.labels);
-    EXPECT_EQ(read.sensor, truth.sensor);
-    EXPECT_TRUE(read.intrinsics == truth.intrinsics);
-    EXPECT_EQ(read.structure_from_sensor.matrix(), truth.structure_from_sensor.matrix());
-    EXPECT_EQ(read.size_scale, truth.size_scale);
-    ASSERT_EQ(read.box_offsets.size(), truth.box_offsets.size());
-    for (std::size_t b = 0; b < truth.box_offsets.size(); ++b)
-      EXPECT_EQ(read.box_offsets[b].matrix(), truth.box_offsets[b].matrix());
-  }
+  for (std::uint64_t i = 0; i < 21; ++i)
+    ExpectEqual(samples[i], Synthesize(*context, renderer, 3, kFirst + i));
   EXPECT_EQ(dataset.Read(14, 3)[2].index, 16u);  // across a folder's end
   ExpectError<Error>([&] { dataset.Read(20, 7); }, {"20 to 26", "5 to 25"});
   ExpectError<Error>([&] { dataset.Read(4, 1); }, {"4 to 4"});

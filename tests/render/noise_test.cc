@@ -605,11 +605,8 @@ TEST_F(NoiseTest, ARegisteredModelHasAStreamOfItsOwnSample) {
 
 // Over many devices: what a wall that is seen askew is off by in the middle and at the border of
 // the picture.
-TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
+TEST_F(NoiseTest, FrameErrorsAreThoseThatCalibrationExpects) {
   const Intrinsics k = CentredCamera(160, 90, 118);
-  EglContext egl;
-  GlDepthRenderer renderer;
-  const Structure structure = ReadStructure("configs/structure.yaml");
   SceneMesh mesh;
   mesh.BeginObject({0.9F, 1.0F, false});
   mesh.AppendQuad({Eigen::Vector3d(10, -90, -90), Eigen::Vector3d(10, 90, -90),
@@ -617,10 +614,10 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
                   -Eigen::Vector3d::UnitX());
   const Pose pose = LookAt({8.5, 2, 1}, {10, 2.3, 0}, 0);
   RenderedView view;
-  renderer.Render(mesh, k, pose, &view);
-  for (const char* sensor : {"realsense_d415", "azure_kinect_nfov_binned"}) {
+  renderer_.Render(mesh, k, pose, &view);
+  for (const char* sensor : {kD415, kAzure}) {
     const DepthErrorModel& model = ErrorsOf(sensor);
-    const NoiseInput input = {view, mesh, structure, k, pose, sensor};
+    const NoiseInput input = {view, mesh, structure_, k, pose, sensor};
     for (const auto& [u, v] : {std::pair{80, 45}, std::pair{4, 8}, std::pair{150, 80}}) {
       const double z = view.depth(u, v);
       const Eigen::Vector3d p(z * (u - k.cx) / k.fx, z * (v - k.cy) / k.fy, z);
@@ -644,15 +641,12 @@ TEST(AddFrameErrors, AreThoseThatCalibrationExpects) {
 
 // Light that bounces has the longer way: a box that stands on the floor reads too far, and the
 // floor beside it.
-TEST(AddFrameErrors, OfTimeOfFlightHaveMultipath) {
-  EglContext egl;
-  GlDepthRenderer renderer;
-  const Structure structure = ReadStructure("configs/structure.yaml");
-  const CornerScene scene(structure, renderer);
+TEST_F(NoiseTest, FrameErrorsOfTimeOfFlightHaveMultipath) {
+  const CornerScene scene(structure_, renderer_);
   const auto& [mesh, k, pose, view] = scene;
-  const double y = structure.FloorHeight();
-  const DepthErrorModel& model = ErrorsOf("azure_kinect_nfov_binned");
-  const NoiseInput input = {view, mesh, structure, k, pose, "azure_kinect_nfov_binned"};
+  const double y = structure_.FloorHeight();
+  const DepthErrorModel& model = ErrorsOf(kAzure);
+  const NoiseInput input = {view, mesh, structure_, k, pose, kAzure};
   constexpr int kDevices = 300;
   Image<double> mean(k.width, k.height, 0);
   for (std::uint64_t device = 0; device < kDevices; ++device) {
@@ -661,7 +655,7 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveMultipath) {
     for (std::size_t i = 0; i < mean.size(); ++i)
       mean[i] += (noisy.depth[i] - view.depth[i]) / kDevices;
   }
-  const Side floor = FloorOf(structure);
+  const Side floor = FloorOf(structure_);
   const Subpixels bulging(input);
   int on_front = 0, on_floor = 0;
   for (const auto [u, v] : Pixels(k.width, k.height)) {
@@ -671,11 +665,11 @@ TEST(AddFrameErrors, OfTimeOfFlightHaveMultipath) {
     const int label = view.labels(u, v);
     const bool is_floor = label == 0 && std::abs(q.y() - y) < 1e-3 && q.x() > 0.3 && q.x() < 0.6 &&
                           std::abs(q.z()) < 0.2;
-    const bool is_front = label != 0 && structure.SideOfLabel(label).name == "bottom/front";
+    const bool is_front = label != 0 && structure_.SideOfLabel(label).name == "bottom/front";
     if (!is_floor && !is_front) continue;
     const double expected =
-        model.bounce_m * DiffuseMultipathShare(structure,
-                                               is_floor ? floor : structure.SideOfLabel(label), q,
+        model.bounce_m * DiffuseMultipathShare(structure_,
+                                               is_floor ? floor : structure_.SideOfLabel(label), q,
                                                pose.translation(), model.bounce_reach_m);
     const double bulge =
         bulging.Depth(view.faces(u, v) - 1, view.rays->at(u, v).homogeneous()) - view.depth(u, v);

@@ -24,24 +24,11 @@
 #include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
+#include "tests/render/expect_equal.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::sample_test {
 namespace {
-
-void ExpectEqual(const Sample& a, const Sample& b) {
-  EXPECT_EQ(a.index, b.index);
-  EXPECT_EQ(a.sensor, b.sensor);
-  EXPECT_TRUE(a.intrinsics == b.intrinsics);
-  EXPECT_EQ(a.structure_from_sensor.matrix(), b.structure_from_sensor.matrix());
-  EXPECT_TRUE(a.depth == b.depth);
-  EXPECT_TRUE(a.labels == b.labels);
-  EXPECT_TRUE(a.depth_clean == b.depth_clean);
-  EXPECT_TRUE(a.labels_clean == b.labels_clean);
-  ASSERT_EQ(a.box_offsets.size(), b.box_offsets.size());
-  for (std::size_t i = 0; i < a.box_offsets.size(); ++i)
-    EXPECT_EQ(a.box_offsets[i].matrix(), b.box_offsets[i].matrix());
-}
 
 SampleConfig SmallConfig() {
   SampleConfig config;
@@ -359,12 +346,8 @@ TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
       }
       ASSERT_EQ(samples.size(), 4u);
       for (const Sample& sample : samples) {
-        const Sample alone = Synthesize(*context, renderer, 21, index);
         EXPECT_EQ(sample.index, index);
-        EXPECT_TRUE(sample.depth == alone.depth);
-        EXPECT_TRUE(sample.labels == alone.labels);
-        EXPECT_EQ(sample.structure_from_sensor.matrix(), alone.structure_from_sensor.matrix());
-        ++index;
+        ExpectEqual(sample, Synthesize(*context, renderer, 21, index++));
       }
     }
   }
@@ -382,10 +365,7 @@ TEST(SampleStreamTest, SlicesAreTheBatchesTakenApart) {
     std::vector<Sample> parts = one.Next();
     for (Sample& sample : three.Next()) parts.push_back(std::move(sample));
     ASSERT_EQ(parts.size(), samples.size());
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      EXPECT_EQ(parts[i].index, samples[i].index);
-      EXPECT_TRUE(parts[i].depth == samples[i].depth);
-    }
+    for (std::size_t i = 0; i < samples.size(); ++i) ExpectEqual(parts[i], samples[i]);
   }
   first.slice = {2, 3};
   EXPECT_THROW(SampleStream(context, first), Error);
