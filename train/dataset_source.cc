@@ -55,11 +55,9 @@ class BatchReader {
   std::vector<Sample> operator()(std::uint64_t position) {
     const std::uint64_t batch =
         first_batch_ + InEpoch(position / batches_per_epoch_, position % batches_per_epoch_);
-    std::vector<Sample> samples = dataset_->Read(
+    return dataset_->Read(
         batch * static_cast<std::uint64_t>(batch_size_) + static_cast<std::uint64_t>(slice_.first),
         slice_.count > 0 ? slice_.count : batch_size_);
-    RequireOneSize(samples);
-    return samples;
   }
 
  private:
@@ -76,19 +74,6 @@ class BatchReader {
       order_epoch_ = epoch;
     }
     return order_[position];
-  }
-
-  void RequireOneSize(const std::vector<Sample>& samples) const {
-    for (const Sample& s : samples) {
-      if (s.intrinsics.width == samples[0].intrinsics.width &&
-          s.intrinsics.height == samples[0].intrinsics.height) {
-        continue;
-      }
-      throw DataError(fmt::format("{}: sample {} is {}x{} pixels, sample {} of its batch {}x{}",
-                                  dataset_->dir().string(), s.index, s.intrinsics.width,
-                                  s.intrinsics.height, samples[0].index,
-                                  samples[0].intrinsics.width, samples[0].intrinsics.height));
-    }
   }
 
   std::shared_ptr<const Dataset> dataset_;
