@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <array>
 #include <csignal>
-#include <functional>
 #include <memory>
 #include <utility>
 
@@ -34,21 +33,6 @@ bool Crossed(std::int64_t before, std::int64_t after, std::int64_t every) {
 
 /// Leaves a step or a validation, which is done again when the run continues.
 struct Interruption {};
-
-/// Before each batch, throws an Interruption if the run was interrupted.
-class Interruptible : public SampleSource {
- public:
-  Interruptible(SampleSource& source, std::function<bool()> interrupted)
-      : source_(source), interrupted_(std::move(interrupted)) {}
-  std::vector<Sample> Next() override {
-    if (interrupted_()) throw Interruption();
-    return source_.Next();
-  }
-
- private:
-  SampleSource& source_;
-  std::function<bool()> interrupted_;
-};
 
 }  // namespace
 
@@ -305,13 +289,16 @@ std::optional<ValidationResult> Run::ValidateNow() {
     return ValidationResult();
   }
   learner_.average.Refresh(learner_.flat);
-  const std::unique_ptr<SampleSource> opened = data_.open_validation();
-  Interruptible source(*opened, [&] { return Interrupted(); });
+  const std::unique_ptr<SampleSource> source = data_.open_validation();
+  const CountDone count = bar_ ? bar_->Counter() : nullptr;
+  const auto before_batch = [&](std::int64_t done, std::int64_t all) {
+    if (count) count(done, all);
+    if (Interrupted()) throw Interruption();
+  };
   ValidationResult own;
   try {
-    own = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints, source,
-                   OwnValidationSamples(), compute_.device, compute_.channels_last,
-                   bar_ ? bar_->Counter() : nullptr);
+    own = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints, *source,
+                   OwnValidationSamples(), compute_.device, compute_.channels_last, before_batch);
   } catch (const Interruption&) {
     return std::nullopt;
   }
