@@ -40,11 +40,6 @@ void Write(const fs::path& dir, const TrainConfig& recipe, std::int64_t seed, st
   WriteDataset(dir, Context(recipe), options);
 }
 
-void ExpectSameRows(const std::vector<json>& a, const std::vector<json>& b) {
-  ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << "row " << i;
-}
-
 TEST(TrainOnADataset, GivesTheLossesOfTheRenderedStream) {
   const TempFolder folder;
   TrainConfig config = SmallRecipe();
@@ -56,10 +51,10 @@ TEST(TrainOnADataset, GivesTheLossesOfTheRenderedStream) {
   Train(config, QuietRun(folder / "read"));
   const std::vector<json> rendered = MetricsRows(folder / "rendered");
   ASSERT_EQ(rendered.size(), 13u);  // 12 steps, 1 validation
-  ExpectSameRows(rendered, MetricsRows(folder / "read"));
+  EXPECT_EQ(rendered, MetricsRows(folder / "read"));
   config.run.validation_dataset = folder / "valid";
   Train(config, QuietRun(folder / "both"));
-  ExpectSameRows(rendered, MetricsRows(folder / "both"));
+  EXPECT_EQ(rendered, MetricsRows(folder / "both"));
 }
 
 TEST(TrainOnADataset, ResumesInALaterEpoch) {
@@ -74,7 +69,7 @@ TEST(TrainOnADataset, ResumesInALaterEpoch) {
   config.run.dataset = folder / "moved";
   config.run.loader_threads = 2;
   EXPECT_TRUE(Train(config, QuietRun(folder / "parts", 0, true)).finished);
-  ExpectSameRows(MetricsRows(folder / "whole"), MetricsRows(folder / "parts"));
+  EXPECT_EQ(MetricsRows(folder / "whole"), MetricsRows(folder / "parts"));
 
   Train(config, QuietRun(folder / "third", 6));
   const TrainOptions options = QuietRun(folder / "third", 6, true);

@@ -121,18 +121,8 @@ TEST_F(Trainer, AResumedRunEndsAsOneThatWasNotStopped) {
       EXPECT_EQ(first.samples, 10);
       EXPECT_TRUE(Resume(parts).finished);
       EXPECT_TRUE(ReadFile(State(folder_ / whole, 24)) == ReadFile(State(folder_ / parts, 24)));
-      const std::vector<json> a = MetricsRows(folder_ / whole, "train"),
-                              b = MetricsRows(folder_ / parts, "train");
-      ASSERT_EQ(a.size(), 12u);
-      ASSERT_EQ(b.size(), 12u);
-      for (std::size_t i = 0; i < a.size(); ++i) {
-        for (const char* key :
-             {"samples", "step", "loss", "loss_seg", "loss_3d", "gradient_norm", "lr"}) {
-          EXPECT_EQ(a[i].at(key), b[i].at(key)) << key << " of step " << i + 1;
-        }
-      }
-      EXPECT_EQ(MetricsRows(folder_ / whole, "validation"),
-                MetricsRows(folder_ / parts, "validation"));
+      EXPECT_EQ(MetricsRows(folder_ / whole, "train").size(), 12u);
+      EXPECT_EQ(MetricsRows(folder_ / whole), MetricsRows(folder_ / parts));
     }
   }
 }

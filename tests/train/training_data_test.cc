@@ -11,6 +11,7 @@
 #include "core/base/error.h"
 #include "render/sample.h"
 #include "tests/core/base/pixels.h"
+#include "tests/render/expect_equal.h"
 #include "tests/train/synthetic_source.h"
 #include "train/batch.h"
 #include "train/batch_feed.h"
@@ -20,11 +21,7 @@ namespace {
 
 void ExpectSame(const std::vector<Sample>& a, const std::vector<Sample>& b) {
   ASSERT_EQ(a.size(), b.size());
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    EXPECT_EQ(a[i].index, b[i].index);
-    EXPECT_EQ(a[i].depth, b[i].depth);
-    EXPECT_EQ(a[i].labels, b[i].labels);
-  }
+  for (std::size_t i = 0; i < a.size(); ++i) ExpectEqual(a[i], b[i]);
 }
 
 TEST(OpenTrainingData, SamplesDependOnSeedAndNumberAlone) {
