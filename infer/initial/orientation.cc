@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
-#include "infer/initial/orientation_trials.h"
+#include "infer/initial/labellings.h"
 #include "infer/initial/rig_choice.h"
 #include "infer/initial/symmetries.h"
 #include "infer/view/sensor_frame.h"

@@ -11,7 +11,7 @@
 #include "core/base/odds.h"
 #include "core/geometry/visibility.h"
 #include "infer/initial/floor.h"
-#include "infer/initial/orientation_trials.h"
+#include "infer/initial/labellings.h"
 #include "infer/initial/oriented_points.h"
 #include "infer/initial/symmetries.h"
 #include "tests/core/base/pixels.h"

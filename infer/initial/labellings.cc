@@ -1,4 +1,4 @@
-#include "infer/initial/orientation_trials.h"
+#include "infer/initial/labellings.h"
 
 #include <algorithm>
 #include <cmath>
