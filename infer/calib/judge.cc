@@ -284,8 +284,8 @@ std::string BoxesThatAreOff(const std::vector<RigFinding>& findings) {
 }
 
 /// The report on a stack without an altered arrangement.
-AssemblyReport AsFarAsTold(const std::vector<FrameResult>& sensors, const Structure& structure,
-                           const std::vector<RigFinding>& findings) {
+AssemblyReport ReportDescribed(const std::vector<FrameResult>& sensors, const Structure& structure,
+                               const std::vector<RigFinding>& findings) {
   AssemblyReport report;
   report.arrangement.structure = structure;
   double points = 0;
@@ -315,9 +315,10 @@ CaptureResult GatherCapture(std::size_t capture, std::vector<FrameResult> sensor
   JudgeDuplicates(&sensors);
   DoubtThoseAlone(&sensors);
   if (options.assembly.enabled && !(assembly && assembly->altered())) {
-    AssemblyReport told = AsFarAsTold(sensors, joint->seen.input->structure, joint->findings);
-    if (assembly) told.mirrored_frames = std::move(assembly->mirrored_frames);
-    assembly = std::move(told);
+    AssemblyReport described =
+        ReportDescribed(sensors, joint->seen.input->structure, joint->findings);
+    if (assembly) described.mirrored_frames = std::move(assembly->mirrored_frames);
+    assembly = std::move(described);
   }
   CaptureResult result;
   result.name = joint->seen.input->captures[capture].name;

@@ -108,13 +108,13 @@ class Inspection {
     for (const StackHypothesis& each : all) {
       if (each.arrangement.turn_deg == 180) continue;  // a place beside is among the displaced
       // A box that stands otherwise may also stand a little beside.
-      StackHypothesis aside = each;
-      aside.sought = true;
+      StackHypothesis displaced = each;
+      displaced.sought = true;
       for (const std::size_t box : each.arrangement.moved) {
-        Structure& structure = aside.arrangement.structure;
+        Structure& structure = displaced.arrangement.structure;
         structure = Displaced(structure, {box}, Seek(structure, {box})).structure;
       }
-      moved.push_back(std::move(aside));
+      moved.push_back(std::move(displaced));
     }
     Ask(All(), &moved);
     for (std::vector<StackHypothesis>* more : {&all, &moved})

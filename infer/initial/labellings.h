@@ -25,14 +25,14 @@ struct LabelContext {
   StageClock* clock;
 };
 
-/// Is the trial beyond doubt? Labels and depths then fit the structure, and it stands on a floor.
-/// Upside down, or shifted by a box, it would not.
-bool Settled(const OrientationTrial& trial);
+/// Is the labelling beyond doubt? Labels and depths then fit the structure, and it stands on a
+/// floor. Upside down, or shifted by a box, it would not.
+bool Settled(const Labelling& labelling);
 
-/// All trials that are needed to know every view's orientation; see LabelViews.
-std::vector<OrientationTrial> TryOrientations(const LabelContext& context);
+/// All labellings that are needed to know every view's orientation; see LabelViews.
+std::vector<Labelling> TryOrientations(const LabelContext& context);
 
-/// The most probable trial.
-const OrientationTrial* BestTrial(const std::vector<const OrientationTrial*>& trials);
+/// The most probable labelling.
+const Labelling* BestLabelling(const std::vector<const Labelling*>& labellings);
 
 }  // namespace volalign::pose_internal

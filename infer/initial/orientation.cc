@@ -13,10 +13,10 @@ namespace volalign {
 
 namespace {
 
-using pose_internal::BestTrial;
+using pose_internal::BestLabelling;
 using pose_internal::LabelContext;
 using pose_internal::Settled;
-using Trials = std::vector<const OrientationTrial*>;
+using Labellings = std::vector<const Labelling*>;
 
 /// A pose that geometry has found, with the labels that it implies, which take the place of a
 /// network's. No network tells the turns: they are the frame's own, or put the floor at the bottom.
@@ -29,23 +29,23 @@ void TakeGeometry(const LabelContext& context, const LabelRequest& from, const P
   out->quarter_turns = from.quarter_turns == kAutoTurns ? UprightTurns(pose) : from.quarter_turns;
 }
 
-/// A trial's labels and pose.
-void TakeTrial(const OrientationTrial& trial, Labelled* out) {
-  out->quarter_turns = trial.turns;
-  out->segmentation = trial.segmentation;
-  out->initial = trial.initial;
+/// A labelling's labels and pose.
+void TakeLabelling(const Labelling& labelling, Labelled* out) {
+  out->quarter_turns = labelling.turns;
+  out->segmentation = labelling.segmentation;
+  out->initial = labelling.initial;
 }
 
 /// The labels that suit a pose chosen among orientations and symmetries, and the initial pose that
 /// follows from them.
-void TakeHypothesis(const LabelContext& context, const LabelRequest& from, const Trials& trials,
-                    const Hypothesis& chosen, Labelled* out) {
-  std::vector<const SegmentationResult*> of_trials;
-  for (const OrientationTrial* trial : trials) of_trials.push_back(&trial->segmentation);
+void TakeHypothesis(const LabelContext& context, const LabelRequest& from,
+                    const Labellings& labellings, const Hypothesis& chosen, Labelled* out) {
+  std::vector<const SegmentationResult*> segmentations;
+  for (const Labelling* labelling : labellings) segmentations.push_back(&labelling->segmentation);
   out->quarter_turns =
-      from.quarter_turns == kAutoTurns ? chosen.turns : trials[chosen.trial]->turns;
+      from.quarter_turns == kAutoTurns ? chosen.turns : labellings[chosen.labelling]->turns;
   out->segmentation =
-      LabelsAt(*from.view, context.structure, context.symmetries, chosen, of_trials);
+      LabelsAt(*from.view, context.structure, context.symmetries, chosen, segmentations);
   out->initial = EstimateInitialPose(*from.view, out->segmentation, context.structure,
                                      context.initial, &chosen.structure_from_sensor);
 }
@@ -53,21 +53,21 @@ void TakeHypothesis(const LabelContext& context, const LabelRequest& from, const
 /// The hypotheses about a view's pose, by the network and by geometry. If labels and depths settle
 /// one orientation alone, there is only its pose, and geometry is not asked.
 SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& from,
-                              const Trials& trials) {
+                              const Labellings& labellings) {
   SensorHypotheses sensor{from.view, {}, from.chosen, from.prior};
   if (!from.usable || context.initial.method == PoseMethod::kPaper) return sensor;
   if (from.known) {
     sensor.poses = {{*from.known, PoseSource::kGeometry}};
     return sensor;
   }
-  const auto settled = [](const OrientationTrial* trial) { return Settled(*trial); };
-  if (std::count_if(trials.begin(), trials.end(), settled) == 1) {
-    const auto only = std::find_if(trials.begin(), trials.end(), settled);
+  const auto settled = [](const Labelling* labelling) { return Settled(*labelling); };
+  if (std::count_if(labellings.begin(), labellings.end(), settled) == 1) {
+    const auto only = std::find_if(labellings.begin(), labellings.end(), settled);
     sensor.poses = {{(*only)->initial.structure_from_sensor, PoseSource::kNetwork,
-                     static_cast<std::size_t>(only - trials.begin()), -1,
+                     static_cast<std::size_t>(only - labellings.begin()), -1,
                      from.quarter_turns == kAutoTurns ? (*only)->turns : 0}};
   } else {
-    sensor.poses = FindHypotheses(*from.view, context.structure, context.symmetries, trials,
+    sensor.poses = FindHypotheses(*from.view, context.structure, context.symmetries, labellings,
                                   from.quarter_turns != kAutoTurns, context.initial);
   }
   return sensor;
@@ -75,8 +75,8 @@ SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& f
 
 /// A view's chosen pose, with the labels that suit it. Without a choice that can be trusted, it is
 /// the pose of the orientation that fits and stands on the floor best.
-Labelled TakePose(const LabelContext& context, const LabelRequest& from, const Trials& trials,
-                  const PoseChoice& choice) {
+Labelled TakePose(const LabelContext& context, const LabelRequest& from,
+                  const Labellings& labellings, const PoseChoice& choice) {
   Labelled out;
   if (from.known) return out;
   out.up_unknown = choice.up_unknown;
@@ -90,17 +90,17 @@ Labelled TakePose(const LabelContext& context, const LabelRequest& from, const T
   }
   if (choice.found && best.source == PoseSource::kGeometry) {
     TakeGeometry(context, from, best.structure_from_sensor, &out);
-  } else if (trials.empty()) {
+  } else if (labellings.empty()) {
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
     out.source = PoseSource::kGeometry;
-  } else if (choice.found && best.symmetry < 0 && Settled(*trials[best.trial])) {
-    TakeTrial(*trials[best.trial], &out);
+  } else if (choice.found && best.symmetry < 0 && Settled(*labellings[best.labelling])) {
+    TakeLabelling(*labellings[best.labelling], &out);
   } else if (choice.found && best.by_depth + best.by_outline + best.by_own_labels >= 0) {
-    TakeHypothesis(context, from, trials, best, &out);
+    TakeHypothesis(context, from, labellings, best, &out);
   } else {
     // By renamed sides, other things can be made to look like a structure.
-    TakeTrial(*BestTrial(trials), &out);
+    TakeLabelling(*BestLabelling(labellings), &out);
   }
   return out;
 }
@@ -112,18 +112,18 @@ std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const S
                                  int threads, StageClock* clock) {
   const LabelContext context{views,   structure, FindSymmetries(structure), segmenter, initial,
                              threads, clock};
-  std::vector<OrientationTrial> all;
+  std::vector<Labelling> all;
   if (segmenter && initial.method != PoseMethod::kGeometry)
     all = pose_internal::TryOrientations(context);
-  std::vector<Trials> trials(views.size());
-  for (const OrientationTrial& trial : all) trials[trial.view].push_back(&trial);
+  std::vector<Labellings> labellings(views.size());
+  for (const Labelling& labelling : all) labellings[labelling.view].push_back(&labelling);
   std::vector<SensorHypotheses> sensors(views.size());
   ParallelFor(views.size(), threads,
-              [&](std::size_t i) { sensors[i] = HypothesesOf(context, views[i], trials[i]); });
+              [&](std::size_t i) { sensors[i] = HypothesesOf(context, views[i], labellings[i]); });
   const std::vector<PoseChoice> choices = ChooseTogether(sensors, structure);
   std::vector<Labelled> labelled(views.size());
   ParallelFor(views.size(), threads, [&](std::size_t i) {
-    labelled[i] = TakePose(context, views[i], trials[i], choices[i]);
+    labelled[i] = TakePose(context, views[i], labellings[i], choices[i]);
   });
   clock->Lap("initial_pose");
   return labelled;

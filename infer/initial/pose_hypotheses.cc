@@ -15,43 +15,43 @@ namespace volalign {
 
 namespace {
 
-using Trials = std::vector<const OrientationTrial*>;
+using Labellings = std::vector<const Labelling*>;
 
 /// m: a pose is labelled again while its labels move it farther than this.
 constexpr double kLabelsStay = 0.005;
 
-/// A trial's labels, as the sides have them after the motion of the hypothesis' symmetry.
-SegmentationResult Renamed(SegmentationResult of_trial, const Hypothesis& hypothesis,
+/// A labelling's labels, as the sides have them after the motion of the hypothesis' symmetry.
+SegmentationResult Renamed(SegmentationResult segmentation, const Hypothesis& hypothesis,
                            const std::vector<StructureSymmetry>& symmetries) {
-  if (hypothesis.symmetry < 0) return of_trial;
+  if (hypothesis.symmetry < 0) return segmentation;
   const std::vector<std::uint8_t>& after =
       symmetries[static_cast<std::size_t>(hypothesis.symmetry)].label_after;
-  for (std::uint8_t& label : of_trial.labels)
+  for (std::uint8_t& label : segmentation.labels)
     label = label < after.size() ? after[label] : std::uint8_t{0};
-  return of_trial;
+  return segmentation;
 }
 
-/// A frame and its trials' labels with fewer rays.
+/// A frame and its labellings' labels with fewer rays.
 struct Coarse {
   SensorView view;
-  std::vector<SegmentationResult> labels;  // of each trial
+  std::vector<SegmentationResult> labels;  // of each labelling
 };
 
-Coarse Decimated(const SensorView& view, const Trials& trials) {
+Coarse Decimated(const SensorView& view, const Labellings& labellings) {
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   Coarse coarse{Decimate(view, stride), {}};
-  for (const OrientationTrial* trial : trials)
-    coarse.labels.push_back(Decimate(trial->segmentation, stride));
+  for (const Labelling* labelling : labellings)
+    coarse.labels.push_back(Decimate(labelling->segmentation, stride));
   return coarse;
 }
 
-std::vector<Hypothesis> OfTrials(const std::vector<StructureSymmetry>& symmetries,
-                                 const Trials& trials, bool known_up) {
+std::vector<Hypothesis> OfLabellings(const std::vector<StructureSymmetry>& symmetries,
+                                     const Labellings& labellings, bool known_up) {
   std::vector<Hypothesis> poses;
-  for (std::size_t t = 0; t < trials.size(); ++t) {
-    if (!trials[t]->initial.found) continue;
-    const Pose& pose = trials[t]->initial.structure_from_sensor;
-    const int turns = known_up ? 0 : trials[t]->turns;
+  for (std::size_t t = 0; t < labellings.size(); ++t) {
+    if (!labellings[t]->initial.found) continue;
+    const Pose& pose = labellings[t]->initial.structure_from_sensor;
+    const int turns = known_up ? 0 : labellings[t]->turns;
     poses.push_back({pose, PoseSource::kNetwork, t, -1, turns});
     for (std::size_t a = 0; a < symmetries.size(); ++a) {
       if (symmetries[a].keeps_up() || !known_up)
@@ -67,8 +67,8 @@ std::vector<Hypothesis> OfTrials(const std::vector<StructureSymmetry>& symmetrie
 void EstimateAgain(const Coarse& coarse, const Structure& structure,
                    const std::vector<StructureSymmetry>& symmetries,
                    const InitialPoseOptions& options, std::vector<Hypothesis>* poses) {
-  std::vector<const SegmentationResult*> of_trials;
-  for (const SegmentationResult& labels : coarse.labels) of_trials.push_back(&labels);
+  std::vector<const SegmentationResult*> segmentations;
+  for (const SegmentationResult& labels : coarse.labels) segmentations.push_back(&labels);
   std::vector<std::pair<Pose, Pose>> known;  // before and after
   for (Hypothesis& each : *poses) {
     Pose& pose = each.structure_from_sensor;
@@ -77,7 +77,7 @@ void EstimateAgain(const Coarse& coarse, const Structure& structure,
     });
     if (same == known.end()) {
       const InitialPose again = EstimateInitialPose(
-          coarse.view, LabelsAt(coarse.view, structure, symmetries, each, of_trials), structure,
+          coarse.view, LabelsAt(coarse.view, structure, symmetries, each, segmentations), structure,
           options, &pose);
       known.emplace_back(pose, again.found ? again.structure_from_sensor : pose);
       same = known.end() - 1;
@@ -91,17 +91,17 @@ void EstimateAgain(const Coarse& coarse, const Structure& structure,
 void AddGeometry(const SensorView& view, const Structure& structure,
                  const std::vector<StructureSymmetry>& symmetries, bool known_up,
                  std::vector<Hypothesis>* poses) {
-  const std::vector<Hypothesis> of_trials = *poses;
+  const std::vector<Hypothesis> by_network = *poses;
   for (const GeometricPose& found : FindPosesByGeometry(view, structure, symmetries)) {
     const Pose& pose = found.structure_from_sensor;
     Hypothesis each{pose, PoseSource::kGeometry};
-    if (!of_trials.empty() && known_up &&
-        std::all_of(of_trials.begin(), of_trials.end(), [&](const Hypothesis& other) {
+    if (!by_network.empty() && known_up &&
+        std::all_of(by_network.begin(), by_network.end(), [&](const Hypothesis& other) {
           return TurnsOver(other.structure_from_sensor, pose);
         }))
       continue;
-    if (!of_trials.empty() && !known_up) {
-      const Hypothesis& first = of_trials.front();
+    if (!by_network.empty() && !known_up) {
+      const Hypothesis& first = by_network.front();
       each.turns =
           (UprightTurns(pose) + first.turns + 4 - UprightTurns(first.structure_from_sensor)) % 4;
     }
@@ -121,20 +121,20 @@ bool AsksGeometry(PoseMethod method) {
 
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
                                        const std::vector<StructureSymmetry>& symmetries,
-                                       const Trials& trials, bool known_up,
+                                       const Labellings& labellings, bool known_up,
                                        const InitialPoseOptions& initial) {
-  std::vector<Hypothesis> poses = OfTrials(symmetries, trials, known_up);
+  std::vector<Hypothesis> poses = OfLabellings(symmetries, labellings, known_up);
   if (!poses.empty())
-    EstimateAgain(Decimated(view, trials), structure, symmetries, initial, &poses);
+    EstimateAgain(Decimated(view, labellings), structure, symmetries, initial, &poses);
   if (AsksGeometry(initial.method)) AddGeometry(view, structure, symmetries, known_up, &poses);
-  WeighHypotheses(view, structure, symmetries, trials, &poses);
+  WeighHypotheses(view, structure, symmetries, labellings, &poses);
   return poses;
 }
 
 void WeighHypotheses(const SensorView& view, const Structure& structure,
-                     const std::vector<StructureSymmetry>& symmetries, const Trials& trials,
+                     const std::vector<StructureSymmetry>& symmetries, const Labellings& labellings,
                      std::vector<Hypothesis>* hypotheses) {
-  const Coarse coarse = Decimated(view, trials);
+  const Coarse coarse = Decimated(view, labellings);
   std::vector<Pose> poses;
   for (const Hypothesis& each : *hypotheses) poses.push_back(each.structure_from_sensor);
   const std::vector<FloorFit> floors = FindFloors(view, structure, poses);
@@ -156,7 +156,7 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
     each.by_outline = best.LogOddsByOutline();
     labels_speak = labels_speak || each.by_outline > 0;
     if (each.source == PoseSource::kNetwork) {
-      const SegmentationResult own = Renamed(coarse.labels[each.trial], each, symmetries);
+      const SegmentationResult own = Renamed(coarse.labels[each.labelling], each, symmetries);
       each.by_own_labels = explain(&own).LogOddsByLabels();
     }
   }
@@ -167,10 +167,10 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
                             const std::vector<StructureSymmetry>& symmetries,
                             const Hypothesis& hypothesis,
-                            const std::vector<const SegmentationResult*>& of_trials) {
-  SegmentationResult labels = Renamed(*of_trials[hypothesis.trial], hypothesis, symmetries);
-  std::vector<const SegmentationResult*> sources = of_trials;
-  sources.erase(sources.begin() + static_cast<std::ptrdiff_t>(hypothesis.trial));
+                            const std::vector<const SegmentationResult*>& segmentations) {
+  SegmentationResult labels = Renamed(*segmentations[hypothesis.labelling], hypothesis, symmetries);
+  std::vector<const SegmentationResult*> sources = segmentations;
+  sources.erase(sources.begin() + static_cast<std::ptrdiff_t>(hypothesis.labelling));
   sources.insert(sources.begin(), &labels);
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   view.VisitMeasured(1, [&](int u, int v) {

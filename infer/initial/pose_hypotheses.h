@@ -13,7 +13,7 @@
 namespace volalign {
 
 /// A view in one orientation, with the network's labels and the pose that follows from them.
-struct OrientationTrial {
+struct Labelling {
   std::size_t view = 0;
   int turns = 0;
   SegmentationResult segmentation;
@@ -28,46 +28,46 @@ struct OrientationTrial {
 struct Hypothesis {
   Pose structure_from_sensor = Pose::Identity();
   PoseSource source = PoseSource::kNetwork;
-  std::size_t trial = 0;  ///< index of its trial, if it is the network's
-  int symmetry = -1;      ///< index of the symmetry that moved the trial's pose; -1: none
+  std::size_t labelling = 0;  ///< index of its labelling, if it is the network's
+  int symmetry = -1;          ///< index of the symmetry that moved the labelling's pose; -1: none
   int turns = 0;  ///< into the network's orientation; 0 also where they are given or not known
   double by_depth = 0;
   double by_floor = 0;
-  /// By the unchanged labels, and their outline, of the trial that speaks for the pose most.
+  /// By the unchanged labels, and their outline, of the labelling that speaks for the pose most.
   double by_labels = 0, by_outline = 0;
-  double by_own_labels = 0;  ///< by its trial's labels, renamed by the symmetry
+  double by_own_labels = 0;  ///< by its labelling's labels, renamed by the symmetry
 };
 
 /// Does a calibration take poses from geometry?
 bool AsksGeometry(PoseMethod method);
 
-/// The poses that a sensor may have, with their evidence. They are the poses of the trials, their
-/// symmetric ones, and those of FindPosesByGeometry where the method uses geometry. Each pose of a
-/// trial is estimated again with the labels that it implies. With `known_up`, the trials'
-/// orientation is given. Symmetries that turn the structure over are then left out, as are
-/// geometry's poses that turn it over against all of the trials'.
+/// The poses that a sensor may have, with their evidence. They are the poses of the labellings,
+/// their symmetric ones, and those of FindPosesByGeometry where the method uses geometry. Each pose
+/// of a labelling is estimated again with the labels that it implies. With `known_up`, the
+/// labellings' orientation is given. Symmetries that turn the structure over are then left out, as
+/// are geometry's poses that turn it over against all of the labellings'.
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
                                        const std::vector<StructureSymmetry>& symmetries,
-                                       const std::vector<const OrientationTrial*>& trials,
+                                       const std::vector<const Labelling*>& labellings,
                                        bool known_up, const InitialPoseOptions& initial);
 
 /// Sets the evidence of each hypothesis. If the labels' outline speaks for none of them, labels do
 /// not count. Beyond the distances that it was trained for, a network labels the room.
 void WeighHypotheses(const SensorView& view, const Structure& structure,
                      const std::vector<StructureSymmetry>& symmetries,
-                     const std::vector<const OrientationTrial*>& trials,
+                     const std::vector<const Labelling*>& labellings,
                      std::vector<Hypothesis>* hypotheses);
 
-/// The labels of a hypothesis' trial, renamed by its symmetry and corrected by its pose, which
+/// The labels of a hypothesis' labelling, renamed by its symmetry and corrected by its pose, which
 /// shape and floor have settled. A pixel that lies on the side of its label keeps it. Any other
 /// pixel takes the label, with its confidence, of the nearest candidate side on which it lies.
-/// Candidates are the labels that the trials give it with at least kLeastConfidence, and those that
-/// these have after each symmetry. A network that sees only a part of the structure takes some
+/// Candidates are the labels that the labellings give it with at least kLeastConfidence, and those
+/// that these have after each symmetry. A network that sees only a part of the structure takes some
 /// boxes for their neighbours.
 SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
                             const std::vector<StructureSymmetry>& symmetries,
                             const Hypothesis& hypothesis,
-                            const std::vector<const SegmentationResult*>& of_trials);
+                            const std::vector<const SegmentationResult*>& segmentations);
 
 /// The labels that a pose implies, and the initial pose that follows from them. They take the place
 /// of a network's labels.

@@ -25,8 +25,8 @@ struct SensorHypotheses {
 
 struct PoseChoice {
   bool found = false;
-  /// The hypothesis with the best by_own_labels among those about the chosen pose. Its trial and
-  /// symmetry say which labels suit the pose.
+  /// The hypothesis with the best by_own_labels among those about the chosen pose. Its labelling
+  /// and symmetry say which labels suit the pose.
   Hypothesis best;
   /// The sensor may be upside down or not, and one of both contradicts the other sensors.
   bool up_unknown = false;

@@ -123,7 +123,7 @@ struct CostByFrame {
         constant(problem.layout.Constant(asked_for)),
         own(problem.size()) {
     ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-      if (!solution.held[i] && !solution.observed[i].faces.empty())
+      if (!solution.fixed[i] && !solution.observed[i].faces.empty())
         own[i] = MeasurementsOf(problem, solution, i);
     });
   }
@@ -188,7 +188,7 @@ std::vector<int> FindContradicted(const JointProblem& problem, const CostByFrame
 bool IsOdd(const JointProblem& problem, const Agreed& agreed, std::size_t frame) {
   bool has_another = false;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    has_another = has_another || (i != frame && !agreed.solution.held[i] &&
+    has_another = has_another || (i != frame && !agreed.solution.fixed[i] &&
                                   problem.frame_of[i].sensor == problem.frame_of[frame].sensor);
   }
   const Disagreement& measured = agreed.measured[frame];
@@ -203,7 +203,7 @@ std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::s
   std::vector<std::size_t> frames;
   std::vector<Eigen::Vector3d> places;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) != state.SensorOf(worst) || agreed.solution.held[i]) continue;
+    if (state.SensorOf(i) != state.SensorOf(worst) || agreed.solution.fixed[i]) continue;
     frames.push_back(i);
     places.push_back(state.placements[state.EvaluationCaptureOf(i)].ToPose() *
                      problem.frames[i].start.translation());
@@ -251,7 +251,7 @@ std::optional<Solution> SolveAlone(const JointProblem& problem, const FreeSet& a
   std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
   solution.state.scales = PriorScales::Ones();
   Solution alone = AssociateAndSolve(problem, std::move(solution));
-  if (alone.held[frame]) return std::nullopt;
+  if (alone.fixed[frame]) return std::nullopt;
   return alone;
 }
 
@@ -279,7 +279,7 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
   Agreed agreed{std::move(solution), std::vector<std::optional<ExcludedFrame>>(problem.size()),
                 std::vector<Disagreement>(problem.size())};
   std::vector<char> takes_part, settled(problem.size(), 0);  // settled: cannot be solved alone
-  for (const char held : agreed.solution.held) takes_part.push_back(held ? 0 : 1);
+  for (const char fixed : agreed.solution.fixed) takes_part.push_back(fixed ? 0 : 1);
   for (;;) {
     const CostByFrame cost(problem, agreed.solution, asked_for);
     std::vector<Disagreement> measured(problem.size());
@@ -288,7 +288,7 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     ScaleByVarianceFactor(&measured);
     std::optional<std::size_t> worst;
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (agreed.solution.held[i]) continue;
+      if (agreed.solution.fixed[i]) continue;
       agreed.measured[i] = measured[i];
       if (settled[i] || !problem.frames[i].excluded.value_or(IsOdd(problem, agreed, i))) continue;
       if (!worst || measured[i].cost > measured[*worst].cost) worst = i;

@@ -28,7 +28,7 @@ void CentreBoxes(const JointProblem& problem, Solution* solution) {
     state->placements[capture] = PoseBlock(placement);
   }
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution->held[i]) continue;
+    if (solution->fixed[i]) continue;
     Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->EvaluationCaptureOf(i)];
   }
   state->UpdateBuilt(problem.model);

@@ -29,13 +29,13 @@ constexpr double kLeastFaceScale = 2 * kDepthStep;
 constexpr double kOutlier = 3.5;  // spreads
 constexpr double kWidening = 4;   // of what an outlier's square exceeds the limit's by
 
-/// Leaves out points whose depth may have been measured aside, if the others are enough.
+/// Leaves out points whose depth may belong to a neighbouring ray, if the others are enough.
 void LeaveOutLateral(std::vector<const SidePoint*>* points) {
-  const auto aside =
+  const auto lateral =
       std::stable_partition(points->begin(), points->end(),
                             [](const SidePoint* point) { return point->lateral_sigma_rad == 0; });
-  if (static_cast<std::size_t>(aside - points->begin()) >= kFewest)
-    points->erase(aside, points->end());
+  if (static_cast<std::size_t>(lateral - points->begin()) >= kFewest)
+    points->erase(lateral, points->end());
 }
 
 /// One image block's points on one side, without those that lie apart from the others.

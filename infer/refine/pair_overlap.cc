@@ -113,11 +113,11 @@ double PointSigma(const DepthErrorModel& errors, const Eigen::Vector3d& p) {
 
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
                                       const std::vector<FrameObservations>& observed,
-                                      const std::vector<char>& held, const State& state) {
+                                      const std::vector<char>& fixed, const State& state) {
   std::vector<PairOverlap> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (!held[a] && !held[b] && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
+      if (!fixed[a] && !fixed[b] && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
     }
   }
   ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {

@@ -34,6 +34,6 @@ double PointSigma(const DepthErrorModel& errors, const Eigen::Vector3d& p);
 /// with a fixed frame do not count.
 std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
                                       const std::vector<FrameObservations>& observed,
-                                      const std::vector<char>& held, const State& state);
+                                      const std::vector<char>& fixed, const State& state);
 
 }  // namespace volalign::refine_internal

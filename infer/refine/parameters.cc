@@ -84,8 +84,8 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
   for (const SensorLens& lens : lenses) {
     // The boxes' size and place and the sensor's depth errors explain a single view as well as a
     // lens does.
-    const bool told = frames > 1 || lens.evidence.information.trace() > 0;
-    free.lens.push_back(asked.lens && told && lens.prior_sigmas.maxCoeff() > 0);
+    const bool identifiable = frames > 1 || lens.evidence.information.trace() > 0;
+    free.lens.push_back(asked.lens && identifiable && lens.prior_sigmas.maxCoeff() > 0);
   }
   return free;
 }
@@ -164,18 +164,18 @@ std::vector<Eigen::Index> ParameterLayout::ColumnsOf(std::size_t frame) const {
 }
 
 std::vector<char> ParameterLayout::Constant(const FreeSet& free,
-                                            const std::vector<char>& held) const {
+                                            const std::vector<char>& fixed) const {
   std::vector<char> constant(static_cast<std::size_t>(size()), 0);
   const auto hold = [&](Eigen::Index first, int count) {
     std::fill_n(constant.begin() + first, count, 1);
   };
-  std::vector<char> is_moved(sensors_, held.empty());
+  std::vector<char> is_moved(sensors_, fixed.empty());
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset) hold(Offset(i), 1);
     if (!free.gain) hold(Error(i, kGain), 1);
     if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Error(i, kFocal), 1);
-    if (held.empty()) continue;
-    if (held[i]) {
+    if (fixed.empty()) continue;
+    if (fixed[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
     } else {

@@ -266,7 +266,7 @@ class ParameterLayout {
 
   /// Which columns are constant. `free`: what is estimated. Fixed frames keep their pose and
   /// offset. A sensor keeps its errors if all its frames are fixed.
-  std::vector<char> Constant(const FreeSet& free, const std::vector<char>& held = {}) const;
+  std::vector<char> Constant(const FreeSet& free, const std::vector<char>& fixed = {}) const;
 
  private:
   std::size_t SensorOf(std::size_t frame) const {

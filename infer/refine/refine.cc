@@ -105,7 +105,7 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
 
   Solution solution = Begin(problem, placements, asked_for);
   solution = AssociateAndSolve(problem, std::move(solution));
-  const std::vector<char> unsolved = solution.held;
+  const std::vector<char> unsolved = solution.fixed;
   if (setup.free.scale_priors) solution = SolveWithScaledPriors(problem, std::move(solution));
   Agreed agreed{solution, std::vector<std::optional<ExcludedFrame>>(frames.size()),
                 std::vector<Disagreement>(frames.size())};

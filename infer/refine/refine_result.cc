@@ -43,9 +43,9 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
 }
 
 RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
-  const auto& [free, state, observed, held, overlaps] = agreed.solution;
+  const auto& [free, state, observed, fixed, overlaps] = agreed.solution;
   RefinedFrame frame;
-  frame.solved = !held[i];
+  frame.solved = !fixed[i];
   frame.structure_from_sensor = state.poses[i].ToPose();
   if (free.offset && frame.solved) frame.depth_offset = state.offsets[i];
   if (free.gain && frame.solved) frame.depth_gain = 1 + state.Errors(i)[kGain];
@@ -128,7 +128,7 @@ PairMatrix CovarianceOfBoth(const JointProblem& problem, const Agreed& agreed,
   std::vector<Eigen::Index> columns;
   bool joint = true;
   for (const std::size_t i : pair) {
-    joint = joint && !agreed.solution.held[i] && !agreed.of[i];
+    joint = joint && !agreed.solution.fixed[i] && !agreed.of[i];
     for (int k = 0; k < 6; ++k) columns.push_back(problem.layout.Pose(i) + k);
     columns.push_back(problem.layout.Offset(i));
     columns.push_back(problem.layout.Error(i, kGain));
@@ -247,7 +247,7 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
   }
   std::set<std::size_t> sensors;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (agreed.solution.held[i]) continue;
+    if (agreed.solution.fixed[i]) continue;
     add_own(Kind::kDepthOffset, i, layout.Offset(i));
     if (sensors.insert(agreed.solution.state.SensorOf(i)).second)
       add_own(Kind::kDepthGain, i, layout.Error(i, kGain));
@@ -272,7 +272,7 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem, cons
 
 RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
                         std::size_t given_lenses) {
-  const auto& [free, state, observed, held, overlaps] = agreed.solution;
+  const auto& [free, state, observed, fixed, overlaps] = agreed.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
     result.frames.push_back(RefinedFrameOf(agreed, i));

@@ -27,9 +27,9 @@ constexpr double kShareOfGap = 0.25;
 constexpr int kEnough = 40;
 constexpr int kNeighbours = 8;  // rows (or columns) on each side that have to form a line
 constexpr std::size_t kFewestEnds =
-    kNeighbours + 1;             // of these and its own, in which the side ends nearby
-constexpr int kStray = 4;        // px between the ends of neighbours, beyond a slope of 1
-constexpr double kRagged = 1.5;  // px rms, of the ends about their line
+    kNeighbours + 1;              // of these and its own, in which the side ends nearby
+constexpr int kEndTolerance = 4;  // px between the ends of neighbours, beyond a slope of 1
+constexpr double kRagged = 1.5;   // px rms, of the ends about their line
 
 /// A walk across the image, from a pixel of a side to where its surface ends.
 struct Walk {
@@ -129,12 +129,12 @@ bool FitSlope(const Candidate& candidate, const Ends& ends, double* slope) {
   for (int d = -kNeighbours; d <= kNeighbours; ++d) {
     const auto row = ends.find(KeyOf(candidate, candidate.line() + d));
     if (row == ends.end()) continue;
-    int nearest = std::abs(d) + kStray + 1;
+    int nearest = std::abs(d) + kEndTolerance + 1;
     for (const int end : row->second) {
       const int apart = end - candidate.end();
       if (std::abs(apart) < std::abs(nearest)) nearest = apart;
     }
-    if (std::abs(nearest) <= std::abs(d) + kStray) found.emplace_back(d, nearest);
+    if (std::abs(nearest) <= std::abs(d) + kEndTolerance) found.emplace_back(d, nearest);
   }
   if (found.size() < kFewestEnds) return false;
   Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();

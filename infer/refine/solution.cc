@@ -48,7 +48,7 @@ void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* s
 
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t capture, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution.held[i] || solution.state.EvaluationCaptureOf(i) != capture) continue;
+    if (solution.fixed[i] || solution.state.EvaluationCaptureOf(i) != capture) continue;
     for (const FaceObservation& face : solution.observed[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }
@@ -58,10 +58,10 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t c
 
 bool Solve(const JointProblem& problem, Solution* solution) {
   State state = solution->state;
-  solution->overlaps = FindOverlaps(problem, solution->observed, solution->held, state);
+  solution->overlaps = FindOverlaps(problem, solution->observed, solution->fixed, state);
   const CeresProblem ceres =
-      BuildCeresProblem(problem, solution->observed, solution->overlaps, solution->held,
-                        problem.layout.Constant(solution->free, solution->held), &state);
+      BuildCeresProblem(problem, solution->observed, solution->overlaps, solution->fixed,
+                        problem.layout.Constant(solution->free, solution->fixed), &state);
   const Minimum minimum = Minimise(problem.setup.schedule, ceres.problem.get());
   if (!minimum.usable) return false;
   state.converged = minimum.converged;
@@ -80,11 +80,11 @@ bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t
 
 void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solution) {
   solution->state.poses[frame] = PoseBlock(problem.frames[frame].start);
-  solution->held[frame] = 1;
+  solution->fixed[frame] = 1;
   State& state = solution->state;
   state.offsets[frame] = 0;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->held[i]) return;
+    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->fixed[i]) return;
   }
   state.Errors(frame).setZero();
 }
@@ -98,11 +98,11 @@ Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {
     solution.observed =
         GatherObservations(problem, solution.state, solution.free, std::move(solution.observed));
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (solution.held[i] || !IsUsable(problem, solution, i)) exclude(i);
+      if (solution.fixed[i] || !IsUsable(problem, solution, i)) exclude(i);
     }
     if (Solve(problem, &solution)) continue;
     for (std::size_t i = 0; i < problem.size(); ++i) exclude(i);
-    solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
+    solution.overlaps = FindOverlaps(problem, solution.observed, solution.fixed, solution.state);
     break;
   }
   return solution;

@@ -32,7 +32,7 @@ struct Solution {
   State state;
   std::vector<FrameObservations> observed;
   /// Frames that are fixed and have no terms.
-  std::vector<char> held;
+  std::vector<char> fixed;
   std::vector<PairOverlap> overlaps = {};  ///< at the start of the last Solve
 };
 

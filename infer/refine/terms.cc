@@ -61,11 +61,11 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
 
 /// A sensor stays where it is between captures, and so nearly does its depth offset. Each of its
 /// frames is tied to its first one that is not fixed.
-void AddTies(const JointProblem& problem, const std::vector<char>& held, State* state,
+void AddTies(const JointProblem& problem, const std::vector<char>& fixed, State* state,
              CeresProblem* ceres) {
   std::map<int, std::size_t> first_of;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (held[i]) continue;
+    if (fixed[i]) continue;
     const auto [entry, is_first] = first_of.emplace(problem.frame_of[i].sensor, i);
     if (is_first) continue;
     const std::size_t first = entry->second;
@@ -81,12 +81,12 @@ void AddTies(const JointProblem& problem, const std::vector<char>& held, State* 
 }
 
 /// Adds the priors of the sensors' poses, each to the sensor's first frame that is not fixed.
-void AddPosePriors(const JointProblem& problem, const std::vector<char>& held, State* state,
+void AddPosePriors(const JointProblem& problem, const std::vector<char>& fixed, State* state,
                    CeresProblem* ceres) {
   std::vector<char> has_prior(state->errors.size(), 0);
   for (std::size_t i = 0; i < problem.size(); ++i) {
     const std::optional<PosePrior>& prior = problem.frames[i].prior;
-    if (held[i] || !prior || has_prior[state->SensorOf(i)]) continue;
+    if (fixed[i] || !prior || has_prior[state->SensorOf(i)]) continue;
     has_prior[state->SensorOf(i)] = 1;
     std::vector<double*> blocks;
     if (prior->world != PriorWorld::kStructure) blocks.push_back(state->world.values);
@@ -129,7 +129,7 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 CeresProblem BuildCeresProblem(const JointProblem& problem,
                                const std::vector<FrameObservations>& observed,
                                const std::vector<PairOverlap>& overlaps,
-                               const std::vector<char>& held, const std::vector<char>& constant,
+                               const std::vector<char>& fixed, const std::vector<char>& constant,
                                State* state) {
   CeresProblem ceres;
   const ParameterLayout& layout = problem.layout;
@@ -145,8 +145,8 @@ CeresProblem BuildCeresProblem(const JointProblem& problem,
     if (!constant[static_cast<std::size_t>(layout.Pose(i))])
       AddStructureTerms(problem, observed[i], i, state, &ceres);
   }
-  AddTies(problem, held, state, &ceres);
-  AddPosePriors(problem, held, state, &ceres);
+  AddTies(problem, fixed, state, &ceres);
+  AddPosePriors(problem, fixed, state, &ceres);
   for (std::size_t lens = 0; lens < problem.lenses.size(); ++lens) {
     ceres.problem->AddResidualBlock(LensEvidenceCost(problem.lenses[lens].evidence), nullptr,
                                     state->lenses[lens].data());

@@ -23,7 +23,7 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 CeresProblem BuildCeresProblem(const JointProblem& problem,
                                const std::vector<FrameObservations>& observed,
                                const std::vector<PairOverlap>& overlaps,
-                               const std::vector<char>& held, const std::vector<char>& constant,
+                               const std::vector<char>& fixed, const std::vector<char>& constant,
                                State* state);
 
 }  // namespace volalign::refine_internal

@@ -213,8 +213,8 @@ double FoundSquare(const Motion& motion, const MovementOptions& options) {
 /// Standard deviation, m or rad, in the least certain direction of a movement with the derivatives
 /// `directions`.
 double LargestSigma(const Matrix6d& information, const Eigen::Matrix<double, 6, 3>& directions) {
-  const Eigen::Matrix3d told = directions.transpose() * information * directions;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(told, Eigen::EigenvaluesOnly);
+  const Eigen::Matrix3d of_movement = directions.transpose() * information * directions;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(of_movement, Eigen::EigenvaluesOnly);
   return 1 / std::sqrt(std::max(solver.eigenvalues()[0], 1e-12));
 }
 

@@ -137,32 +137,32 @@ Pose UpsideDown() {
   return pose;
 }
 
-OrientationTrial Trial(int turns, const SegmentationResult& labels, bool found = false,
-                       double height = 0) {
-  OrientationTrial trial;
-  trial.turns = turns;
-  trial.segmentation = labels;
-  trial.initial.found = found;
-  trial.initial.structure_from_sensor = Upright(0, height);
-  return trial;
+Labelling MakeLabelling(int turns, const SegmentationResult& labels, bool found = false,
+                        double height = 0) {
+  Labelling labelling;
+  labelling.turns = turns;
+  labelling.segmentation = labels;
+  labelling.initial.found = found;
+  labelling.initial.structure_from_sensor = Upright(0, height);
+  return labelling;
 }
 
-TEST(FindHypotheses, AreThePosesOfTrialsThatWereFoundAndTheirAliases) {
+TEST(FindHypotheses, AreThePosesOfLabellingsAndTheirSymmetricOnes) {
   // Nothing was measured or labelled, so that no pose is estimated again.
   const SensorView view = MakeSensorView(DepthImage(20, 10), Coarse());
   const SegmentationResult labels = Certain(LabelImage(20, 10));
-  const OrientationTrial none = Trial(0, labels, false, 4), two = Trial(1, labels, true, 2),
-                         one = Trial(3, labels, true, 1);
+  const Labelling none = MakeLabelling(0, labels, false, 4),
+                  two = MakeLabelling(1, labels, true, 2), one = MakeLabelling(3, labels, true, 1);
   std::vector<StructureSymmetry> symmetries(2);
   symmetries[0].motion = UpsideDown();
   symmetries[1].motion = Upright(90, 0.4);
   InitialPoseOptions network;
   network.method = PoseMethod::kNetwork;
-  const auto poses_of = [&](const std::vector<const OrientationTrial*>& of, bool known_up) {
+  const auto poses_of = [&](const std::vector<const Labelling*>& of, bool known_up) {
     return FindHypotheses(view, PaperStructure(), symmetries, of, known_up, network);
   };
   struct Expected {
-    std::size_t trial;
+    std::size_t labelling;
     int symmetry;
     double height;
     int turns;
@@ -172,7 +172,7 @@ TEST(FindHypotheses, AreThePosesOfTrialsThatWereFoundAndTheirAliases) {
   const std::vector<Hypothesis> all = poses_of({&none, &two, &one}, false);
   ASSERT_EQ(all.size(), expected.size());
   for (std::size_t k = 0; k < all.size(); ++k) {
-    EXPECT_EQ(all[k].trial, expected[k].trial) << k;
+    EXPECT_EQ(all[k].labelling, expected[k].labelling) << k;
     EXPECT_EQ(all[k].symmetry, expected[k].symmetry) << k;
     EXPECT_EQ(all[k].turns, expected[k].turns) << k;
     EXPECT_NEAR(all[k].structure_from_sensor.translation().y(), expected[k].height, 1e-12) << k;
@@ -205,17 +205,17 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   ASSERT_NE(over, symmetries.end());
   LabelImage after_step = rendered.labels;
   for (std::uint8_t& label : after_step) label = step->label_after[label];
-  const OrientationTrial right = Trial(0, Certain(rendered.labels)),
-                         empty = Trial(0, Certain(LabelImage(320, 288))),
-                         shifted = Trial(0, Certain(after_step));
+  const Labelling right = MakeLabelling(0, Certain(rendered.labels)),
+                  empty = MakeLabelling(0, Certain(LabelImage(320, 288))),
+                  shifted = MakeLabelling(0, Certain(after_step));
   std::vector<Hypothesis> poses(4);
   poses[0].structure_from_sensor = truth;
   poses[1].structure_from_sensor = step->motion * truth;
   poses[2].structure_from_sensor = over->motion * truth;
-  poses[3].structure_from_sensor = truth;  // as a trial has it whose labels the step renames
-  poses[3].trial = 2;
-  const auto weigh = [&](const std::vector<const OrientationTrial*>& trials) {
-    WeighHypotheses(view, structure, symmetries, trials, &poses);
+  poses[3].structure_from_sensor = truth;  // as a labelling has it whose labels the step renames
+  poses[3].labelling = 2;
+  const auto weigh = [&](const std::vector<const Labelling*>& labellings) {
+    WeighHypotheses(view, structure, symmetries, labellings, &poses);
   };
   const double decisive = std::log(kDecisiveOdds);
   weigh({&empty, &right, &shifted});
@@ -226,17 +226,17 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   EXPECT_GT(poses[0].by_floor, poses[2].by_floor + decisive);
   EXPECT_NEAR(poses[0].by_depth, poses[2].by_depth, 0.5);
   EXPECT_NEAR(poses[0].by_outline, poses[2].by_outline, 0.5);
-  // Labels: of the trial that knows the pose, and of the pose's own, as they are.
+  // Labels: of the labelling that knows the pose, and of the pose's own, as they are.
   EXPECT_GT(poses[0].by_labels, 2);
-  EXPECT_GT(poses[1].by_labels, 0) << "the third trial names its sides";
+  EXPECT_GT(poses[1].by_labels, 0) << "the third labelling names its sides";
   EXPECT_LT(poses[2].by_labels, -decisive);
-  EXPECT_EQ(poses[0].by_own_labels, 0) << "the first trial has no labels";
+  EXPECT_EQ(poses[0].by_own_labels, 0) << "the first labelling has no labels";
   EXPECT_LT(poses[3].by_own_labels, -decisive);
   poses[3].symmetry = static_cast<int>(step - symmetries.begin());
   weigh({&empty, &empty, &right});
   EXPECT_LT(poses[3].by_own_labels, -decisive) << "renamed";
   EXPECT_GT(poses[3].by_labels, 2) << "as they are";
-  // Without a trial there are no labels.
+  // Without a labelling there are no labels.
   for (Hypothesis& pose : poses) pose.source = PoseSource::kGeometry;
   weigh({});
   EXPECT_EQ(poses[0].by_outline, 0);

@@ -153,35 +153,37 @@ TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {
 }
 
 // Which views are tried in which orientations is seen through LabelViews (orientation_test.cc);
-// here, what a trial has to show.
+// here, what a labelling has to show.
 
-OrientationTrial Trial(double by_view, double by_floor, bool found = true) {
-  OrientationTrial trial;
-  trial.initial.found = found;
-  trial.by_view = by_view;
-  trial.by_floor = by_floor;
-  return trial;
+Labelling MakeLabelling(double by_view, double by_floor, bool found = true) {
+  Labelling labelling;
+  labelling.initial.found = found;
+  labelling.by_view = by_view;
+  labelling.by_floor = by_floor;
+  return labelling;
 }
 
-TEST(OrientationTrial, IsSettledByViewAndFloor) {
+TEST(Labelling, IsSettledByViewAndFloor) {
   const double decisive = std::log(kDecisiveOdds), less = decisive - 0.01;
-  EXPECT_TRUE(Settled(Trial(decisive, decisive)));
-  EXPECT_FALSE(Settled(Trial(less, 20)));
-  EXPECT_FALSE(Settled(Trial(20, less)));
-  EXPECT_FALSE(Settled(Trial(20, 20, false)));
+  EXPECT_TRUE(Settled(MakeLabelling(decisive, decisive)));
+  EXPECT_FALSE(Settled(MakeLabelling(less, 20)));
+  EXPECT_FALSE(Settled(MakeLabelling(20, less)));
+  EXPECT_FALSE(Settled(MakeLabelling(20, 20, false)));
 }
 
-std::size_t Best(std::vector<OrientationTrial> trials) {
-  std::vector<const OrientationTrial*> pointers;
-  for (const OrientationTrial& trial : trials) pointers.push_back(&trial);
-  return static_cast<std::size_t>(BestTrial(pointers) - trials.data());
+std::size_t Best(std::vector<Labelling> labellings) {
+  std::vector<const Labelling*> pointers;
+  for (const Labelling& labelling : labellings) pointers.push_back(&labelling);
+  return static_cast<std::size_t>(BestLabelling(pointers) - labellings.data());
 }
 
-TEST(BestTrial, IsTheOneForWhichMostSpeaks) {
-  EXPECT_EQ(Best({Trial(4, 20), Trial(5, 5), Trial(3, 15)}), 1u) << "a settled one";
-  EXPECT_EQ(Best({Trial(4, 0.1), Trial(3, 2), Trial(-4, 5)}), 1u);
-  EXPECT_EQ(Best({Trial(9, 9, false), Trial(-10, -10)}), 1u) << "one that has a pose";
-  EXPECT_EQ(Best({Trial(2, 0, false)}), 0u);
+TEST(BestLabelling, IsTheOneForWhichMostSpeaks) {
+  EXPECT_EQ(Best({MakeLabelling(4, 20), MakeLabelling(5, 5), MakeLabelling(3, 15)}), 1u)
+      << "a settled one";
+  EXPECT_EQ(Best({MakeLabelling(4, 0.1), MakeLabelling(3, 2), MakeLabelling(-4, 5)}), 1u);
+  EXPECT_EQ(Best({MakeLabelling(9, 9, false), MakeLabelling(-10, -10)}), 1u)
+      << "one that has a pose";
+  EXPECT_EQ(Best({MakeLabelling(2, 0, false)}), 0u);
 }
 
 /// Of the rays that hit this box: those, and of them the marked ones.

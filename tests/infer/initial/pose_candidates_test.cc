@@ -128,11 +128,12 @@ class Proposals : public testing::Test {
  protected:
   /// Of both sources, where labels have led the network to a pose.
   std::vector<Hypothesis> Hypotheses(const Pose& network, const LabelImage& labels) const {
-    OrientationTrial trial;
-    trial.segmentation = Certain(labels);
-    trial.initial.found = true;
-    trial.initial.structure_from_sensor = network;
-    return FindHypotheses(view_, box_, FindSymmetries(box_), {&trial}, true, InitialPoseOptions());
+    Labelling labelling;
+    labelling.segmentation = Certain(labels);
+    labelling.initial.found = true;
+    labelling.initial.structure_from_sensor = network;
+    return FindHypotheses(view_, box_, FindSymmetries(box_), {&labelling}, true,
+                          InitialPoseOptions());
   }
   PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
     return ChooseTogether({{&view_, Hypotheses(network, labels), 0}}, box_).front();

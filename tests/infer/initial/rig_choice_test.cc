@@ -154,12 +154,12 @@ TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
   Hypothesis first = Candidate(Upright(0, 0), 0, 3, -9);
   Hypothesis second = Candidate(Upright(5, 0.1), 0, 1, 2);
   Hypothesis third = Candidate(Upright(2, 0), 0, 1, 4);
-  second.trial = 1;
+  second.labelling = 1;
   second.symmetry = 2;
   third.source = PoseSource::kGeometry;
   const PoseChoice choice = ChooseAmong({first, second, third});
   EXPECT_FALSE(choice.ambiguous());
-  EXPECT_EQ(choice.best.trial, 1u);
+  EXPECT_EQ(choice.best.labelling, 1u);
   EXPECT_EQ(choice.best.symmetry, 2);
   EXPECT_EQ(choice.best.by_own_labels, 2);
   EXPECT_EQ(choice.best.by_labels, 3);
@@ -337,10 +337,10 @@ class LabelsOfAPose : public ::testing::Test {
     };
     std::vector<SegmentationResult> all{labels(own)};
     for (const Seen& other : others) all.push_back(labels(other));
-    std::vector<const SegmentationResult*> of_trials;
-    for (const SegmentationResult& of_trial : all) of_trials.push_back(&of_trial);
+    std::vector<const SegmentationResult*> segmentations;
+    for (const SegmentationResult& segmentation : all) segmentations.push_back(&segmentation);
     const SegmentationResult result =
-        LabelsAt(MakeSensorView(depth_, Coarse()), box_, symmetries, hypothesis_, of_trials);
+        LabelsAt(MakeSensorView(depth_, Coarse()), box_, symmetries, hypothesis_, segmentations);
     return {result.labels(9, 5), result.confidence(9, 5)};
   }
 };

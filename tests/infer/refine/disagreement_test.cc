@@ -57,7 +57,7 @@ struct OddOne {
     problem = std::make_unique<JointProblem>(structure, frames, options);
     asked_for = AskedFor(ParseEstimate(kWithoutLens), problem->priors, poses.size());
     solution.state = NominalState(structure, poses);
-    solution.held.assign(poses.size(), 0);
+    solution.fixed.assign(poses.size(), 0);
     solution.free = asked_for;
     for (std::size_t i = 0; i < poses.size(); ++i)
       solution.observed.push_back(Saw(i, i == 0 ? elsewhere : 0));
@@ -155,8 +155,8 @@ TEST(Disagreement, OfABoxThatIsHeldIsNone) {
   OddOne scene(0.012);
   const double free = scene.InnovationBy({1, 2}).cost;
   scene.asked_for.boxes = scene.asked_for.size = false;
-  const Disagreement held = scene.InnovationBy({1, 2});
-  EXPECT_LT(held.cost, 0.5 * free) << "the pose is open, and nothing else is predicted";
+  const Disagreement fixed = scene.InnovationBy({1, 2});
+  EXPECT_LT(fixed.cost, 0.5 * free) << "the pose is open, and nothing else is predicted";
 }
 
 TEST(Disagreement, ShowsAMovementInThePartOfThePose) {

@@ -215,10 +215,10 @@ TEST(FindOverlaps, CountsWhatManyFramesSeeOnce) {
 TEST(FindOverlaps, LeavesOutAHeldFrame) {
   testing_infer::Neighbours made;
   const RefineOptions options;
-  const auto pairs = [&](const std::vector<char>& held) {
+  const auto pairs = [&](const std::vector<char>& fixed) {
     const JointProblem problem(made.rig.structure, made.frames, options);
     const State state = NominalState(made.rig.structure, made.poses);
-    return FindOverlaps(problem, std::vector<FrameObservations>(2), held, state).size();
+    return FindOverlaps(problem, std::vector<FrameObservations>(2), fixed, state).size();
   };
   EXPECT_EQ(pairs({0, 0}), 1u);
   EXPECT_EQ(pairs({1, 0}), 0u);

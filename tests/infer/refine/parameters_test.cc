@@ -208,14 +208,14 @@ TEST(ParameterLayout, WhatIsNotFreeIsConstant) {
   FreeSet free = AskedFor(ParseEstimate("auto"), SomePriors(), 2);
   EXPECT_TRUE(free.boxes);
   free.boxes = free.gain = false;
-  const auto held = [&](const std::vector<char>& constant) {
+  const auto fixed = [&](const std::vector<char>& constant) {
     return std::accumulate(constant.begin(), constant.end(), 0);
   };
   constexpr int kKnownLens = kLensParameters + 2;  // and the sensors' own focal lengths
-  EXPECT_EQ(held(layout.Constant(free)), 12 + 2 + kKnownLens);
+  EXPECT_EQ(fixed(layout.Constant(free)), 12 + 2 + kKnownLens);
   const std::vector<char> without_0 = layout.Constant(free, {1, 0});
-  EXPECT_EQ(held(without_0), 12 + 2 + kKnownLens + 6 + 1 + kSensorErrors - 2)
-      << "gain and focal length are held already";
+  EXPECT_EQ(fixed(without_0), 12 + 2 + kKnownLens + 6 + 1 + kSensorErrors - 2)
+      << "gain and focal length are fixed already";
   EXPECT_TRUE(without_0[static_cast<std::size_t>(layout.Pose(0))]);
   EXPECT_FALSE(without_0[static_cast<std::size_t>(layout.Pose(1))]);
   FreeSet with_lens = free;
@@ -245,7 +245,7 @@ TEST(FrameState, CorrectsAlongTheRay) {
 }
 
 /// Two sensors in two captures, the second in the second only, and boxes that stand anywhere. The
-/// third frame is held.
+/// third frame is fixed.
 struct Handmade {
   Structure structure = PaperStructure();
   SensorPoints nothing;
@@ -269,7 +269,7 @@ struct Handmade {
     }
     solution.state.UpdateBuilt(problem.model);
     solution.free.boxes = true;
-    solution.held = {0, 0, 1};
+    solution.fixed = {0, 0, 1};
     solution.observed.resize(3);
   }
   JointProblem Problem() const { return {structure, frames, options, {}, 2}; }

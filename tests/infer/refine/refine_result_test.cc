@@ -50,7 +50,7 @@ struct TwoCaptures {
     std::fill(solution.free.lens.begin(), solution.free.lens.end(), 0);
     solution.free.lens[0] = 1;
     solution.observed.resize(4);
-    solution.held.assign(4, 0);
+    solution.fixed.assign(4, 0);
     agreed.of.resize(4);
     agreed.measured.resize(4);
     for (std::size_t i = 0; i < 4; ++i) {
@@ -82,7 +82,7 @@ struct TwoCaptures {
 
 TEST(MakeResult, FramesAreTheStates) {
   TwoCaptures two;
-  two.agreed.solution.held[2] = 1;
+  two.agreed.solution.fixed[2] = 1;
   const State& state = two.agreed.solution.state;
   const RefineResult result = two.Result();
   ASSERT_EQ(result.frames.size(), 4u);
@@ -168,7 +168,7 @@ TEST(MakeResult, CovarianceInTheFirstCaptureIsThatOfTheProduct) {
 // What a frame that disagrees reports is its own, whatever the joint solution has.
 TEST(MakeResult, AnExcludedFrameKeepsItsOwn) {
   TwoCaptures two;
-  two.agreed.solution.held[1] = 1;
+  two.agreed.solution.fixed[1] = 1;
   ExcludedFrame excluded;
   excluded.together = RingPose(77);
   excluded.contradicts = {3, 0};
@@ -232,7 +232,7 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
 
 TEST(MakeResult, SizeIsEstimatedByFramesThatAreSolved) {
   TwoCaptures two;
-  two.agreed.solution.held.assign(4, 1);
+  two.agreed.solution.fixed.assign(4, 1);
   EXPECT_FALSE(two.Result().size_estimated);
 }
 

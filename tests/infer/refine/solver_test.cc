@@ -242,7 +242,7 @@ TEST(AssociateAndSolve, GoesOnWithoutASensorWhoseNumbersFail) {
   const Solution solution = AssociateAndSolve(
       problem,
       {AskedFor({}, problem.priors, 2), NominalState(made.rig.structure, made.poses), {}, {0, 0}});
-  EXPECT_EQ(solution.held, (std::vector<char>{1, 0}));
+  EXPECT_EQ(solution.fixed, (std::vector<char>{1, 0}));
   EXPECT_TRUE(solution.state.poses[0].ToPose().isApprox(made.poses[0], 1e-12)) << "its start";
   EXPECT_TRUE(solution.observed[0].faces.empty());
   EXPECT_LT(ComparePoses(solution.state.poses[1].ToPose(), made.poses[1]).translation_m, 3e-3);

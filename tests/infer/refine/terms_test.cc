@@ -27,9 +27,9 @@ using namespace testing_infer;
 
 /// The problem at `state`, with the overlap that there is at it.
 CeresProblem Build(const JointProblem& problem, const std::vector<FrameObservations>& observed,
-                   const FreeSet& free, State* state, const std::vector<char>& held = {0, 0}) {
-  return BuildCeresProblem(problem, observed, FindOverlaps(problem, observed, held, *state), held,
-                           problem.layout.Constant(free, held), state);
+                   const FreeSet& free, State* state, const std::vector<char>& fixed = {0, 0}) {
+  return BuildCeresProblem(problem, observed, FindOverlaps(problem, observed, fixed, *state), fixed,
+                           problem.layout.Constant(free, fixed), state);
 }
 
 /// Residual blocks of overlap: those that two poses have in common.
@@ -125,7 +125,7 @@ TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
     const TwoSensors two(Strip(true, 2, count), Strip(true, 2, count));
     const JointProblem problem = two.Problem();
     Solution solution{AskedFor({}, problem.priors, 2), two.state, TwoFrames(), {0, 0}};
-    solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
+    solution.overlaps = FindOverlaps(problem, solution.observed, solution.fixed, solution.state);
     double expected = 1 / (problem.priors.offset * problem.priors.offset);
     for (const CloudPoint& point : two.a.cloud.points()) {
       const double sigma = SigmaOfPair(point.p);
@@ -143,7 +143,7 @@ TEST(ComputeNormalEquations, OverlapTellsMultipath) {
   const JointProblem problem = two.Problem();
   Solution solution{AskedFor({}, problem.priors, 2), two.state, {}, {0, 0}};
   solution.observed = TwoFrames();
-  solution.overlaps = FindOverlaps(problem, solution.observed, solution.held, solution.state);
+  solution.overlaps = FindOverlaps(problem, solution.observed, solution.fixed, solution.state);
   const auto told = [&](double share) {
     for (PairMatch& match : solution.overlaps.at(0).of_a) match.multipath_point = share;
     const Eigen::Index column = problem.layout.ErrorsOfSensor(0) + kDiffuseMultipath;
