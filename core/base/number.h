@@ -11,6 +11,7 @@ namespace volalign {
 /// The finite number that the whole text is, or nothing. The decimal separator is a point in any
 /// locale.
 inline std::optional<double> NumberOf(std::string_view text) {
+  // from_chars takes no plus. "+-1" is no number.
   if (text.substr(0, 1) == "+" && text.substr(0, 2) != "+-") text.remove_prefix(1);
   double value = 0;
   const char* const end = text.data() + text.size();

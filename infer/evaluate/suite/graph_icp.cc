@@ -15,13 +15,13 @@ namespace volalign {
 namespace {
 
 constexpr int kIterations = 25;  // rounds of correspondences and one Gauss-Newton step each
-// m, within which points correspond in the first round and in the last one. Points of a view within
-// the first, at the initial pose, belong to the structure.
+// m: points correspond within it, in the first round and in the last one. At the initial pose,
+// points of a view within the first belong to the structure.
 constexpr double kFirstDistance = 0.15, kLastDistance = 0.03;
 constexpr double kMaxNormalAngle = 45 * kDegree;  // between normals of points that correspond
 constexpr std::size_t kMaxPoints = 1500;          // per view, approximately
-constexpr double kFloorMargin =
-    0.02;  // m, below it points belong to the floor, at the initial pose
+// m above the floor, below which points belong to it, at the initial pose.
+constexpr double kFloorMargin = 0.02;
 constexpr double kModelSpacing = 0.01;  // m, of the model's points
 constexpr int kNormalRadius = 2;        // px, of the plane that gives a point's normal
 constexpr double kDamping = 1e-6;       // of the mean diagonal, for directions that nothing fixes

@@ -250,7 +250,7 @@ TEST(ReadConfig, WrongTypesNameKeyValueAndPlace) {
   ExpectBad("train:\n  lr: fast\n", {"train.lr = 'fast'", "number", "a.yaml:2"});
   ExpectBad("train:\n  lr: 1e-3x\n", {"train.lr = '1e-3x'", "a.yaml:2"});
   ExpectBad("train:\n  lr: .nan\n", {"train.lr", "a.yaml:2"});
-  ExpectBad("train:\n  lr: +-1\n", {"train.lr", "a.yaml:2"});
+  ExpectBad("train:\n  lr: +-1\n", {"train.lr = '+-1'", "number", "a.yaml:2"});
   ExpectBad("train:\n  lr: 1e999\n", {"train.lr", "a.yaml:2"});
   ExpectBad("train:\n  lr:\n", {"'train.lr'", "no value", "a.yaml:2"});
   ExpectBad("train:\n  lr: ''\n", {"train.lr", "a.yaml:2"});
