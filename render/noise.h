@@ -77,7 +77,7 @@ NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::ui
                      std::uint64_t index, DeviceErrors* device = nullptr);
 
 /// Adds a few millimetres of errors that a whole frame has in common, as calibration expects them
-/// of the sensor's kind: a gain, tilts, twist, shear and multipath (core/geometry/frame_errors.h).
+/// of the sensor's kind: a gain, tilts, shear and multipath (core/geometry/frame_errors.h).
 /// Also adds the bulges of the structure's sides (Subpixels). For captures of rigs; training
 /// samples have none. Pixels without depth do not change.
 void AddFrameErrors(const NoiseInput& input, RandomStream random, NoisyView* noisy);

@@ -20,8 +20,7 @@ struct DepthErrorModel {
   /// Tilt of a whole frame, per rad from its middle along each axis of the picture, at 2 m. Grows
   /// as white_m does.
   double tilt_m = 0;
-  double twist_m = 0;  ///< the same, per rad^2, of the product of both bearings
-  double shear_m = 0;  ///< the same, of surfaces whose picture is sheared (FrameErrorsAt)
+  double shear_m = 0;  ///< the same, of surfaces whose picture is sheared, times the shear
   /// Mean error from light that comes by the floor or by another box (DiffuseMultipathShare). The
   /// error is distributed evenly from 0 to twice the mean.
   double bounce_m = 0;
@@ -36,7 +35,7 @@ struct DepthErrorModel {
   double White(double z) const;
   double Smooth(double z) const;
   double SmoothGrowth(double z) const;  ///< of smooth_m, from 2 m
-  double TiltGrowth(double z) const;    ///< of tilt_m and twist_m, from 2 m
+  double TiltGrowth(double z) const;    ///< of tilt_m and shear_m, from 2 m
   /// Error of a pixel against others of its surface in the same frame, m. Corners count by their
   /// mean over their reach.
   double WithinSurface(double z) const;
@@ -57,10 +56,6 @@ struct DepthErrorModel {
        AtLeast(0));
     ar("tilt_m", tilt_m,
        "standard deviation, m per rad at 2 m, of an error that grows from the middle of a frame",
-       AtLeast(0));
-    ar("twist_m", twist_m,
-       "standard deviation, m per rad^2 at 2 m, of one that grows with the product of the "
-       "distances from the middle along rows and along columns",
        AtLeast(0));
     ar("shear_m", shear_m,
        "standard deviation, m at 2 m, of what rows of a stereo pair that do not meet add to the "

@@ -75,7 +75,7 @@ FrameErrorVector FrameErrorsAt(const DepthErrorModel& errors, const Eigen::Vecto
   const double s_xx = along * along * ray.squaredNorm() + 2 * along * x + 1;
   const double s_xy = along * across * ray.squaredNorm() + along * y + across * x;
   FrameErrorVector at;
-  at << x, y, x * y, s_xy / s_xx, 0;
+  at << x, y, s_xy / s_xx, 0;
   return errors.TiltGrowth(p.z()) * at;
 }
 

@@ -13,16 +13,15 @@ namespace volalign {
 /// Least cosine (84 deg) between a ray and a surface's normal for useful depths.
 inline constexpr double kGrazing = 0.1;
 
-/// Tilts of the depth along rows and along columns, its twist, shear, and multipath
-/// (DepthErrorModel::tilt_m, twist_m, shear_m, bounce_m), each divided by its unit.
-enum FrameError { kTiltRows, kTiltColumns, kTwist, kShear, kDiffuseMultipath, kFrameErrors };
+/// Tilts of the depth along rows and along columns, shear, and multipath (DepthErrorModel::tilt_m,
+/// shear_m, bounce_m), each divided by its unit.
+enum FrameError { kTiltRows, kTiltColumns, kShear, kDiffuseMultipath, kFrameErrors };
 using FrameErrorVector = Eigen::Matrix<double, kFrameErrors, 1>;
 
 /// Root mean squares of these errors. Multipath is distributed evenly from 0 to twice its mean.
 inline FrameErrorVector FrameErrorSigmas(const DepthErrorModel& errors) {
   FrameErrorVector sigmas;
-  sigmas << errors.tilt_m, errors.tilt_m, errors.twist_m, errors.shear_m,
-      2 * errors.bounce_m / std::sqrt(3);
+  sigmas << errors.tilt_m, errors.tilt_m, errors.shear_m, 2 * errors.bounce_m / std::sqrt(3);
   return sigmas;
 }
 

@@ -171,8 +171,8 @@ inline refine_internal::FrameObservations Observe(const Structure& structure, co
       face.p = z * Eigen::Vector3d(rays.at(u, v).x(), rays.at(u, v).y(), 1);
       face.label = view.labels(u, v);
       face.bulge = structure.SideOfLabel(face.label).BulgeAt(pose * face.p);
-      face.by_errors << face.p.head<2>() * z / 4, face.p.x() * face.p.y() / 4, 0.1 * (u % 3),
-          0.2 * (v % 5), -0.1 * (u % 7), z, 0, 0, 0;
+      face.by_errors << face.p.head<2>() * z / 4, 0.1 * (u % 3), 0.2 * (v % 5), -0.1 * (u % 7), z,
+          0, 0, 0;
       face.variance = 1e-8;
       observed.faces.push_back(face);
     }

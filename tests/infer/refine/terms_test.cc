@@ -233,8 +233,8 @@ TEST(RefineCosts, MeasuredOverlapIsThatOfThePointsWhereTheyReallyAre) {
     const std::vector<Pose> poses = {RandomPose(random), RandomPose(random)};
     // Offsets, errors of the sensors, lenses. Last of the errors: gain, own focal length, edges.
     SensorErrorVector of_a, of_b;
-    of_a << 0.002, -0.004, 0.001, 0.002, 0.003, 0.001, 0.006, 0.003, 0.2, 0.1;
-    of_b << -0.001, 0.003, 0.002, -0.004, -0.002, 0.001, -0.002, -0.005, 0.2, 0.1;
+    of_a << 0.002, -0.004, 0.002, 0.003, 0.001, 0.006, 0.003, 0.2, 0.1;
+    of_b << -0.001, 0.003, -0.004, -0.002, 0.001, -0.002, -0.005, 0.2, 0.1;
     std::vector<std::vector<double>> others = {{0.004}, {-0.003}};
     for (const SensorErrorVector* of : {&of_a, &of_b})
       others.emplace_back(of->data(), of->data() + kSensorErrors);
