@@ -54,11 +54,10 @@ SegmentationResult LabelsAt(const SensorView& view, const Structure& structure, 
 
 /// Adds volalign's joint refinement of the initial poses, which label the pixels.
 void RefineStatistically(const SuiteCapture& capture, int threads, MethodResult* method) {
-  const FramePoses& initial = method->initial;
-  FramePoses& refined = method->statistical.emplace(initial.size());
+  const FramePoses& initial = method->poses[PoseStage::kInitial];
+  FramePoses refined(initial.size());
   method->corrections.resize(initial.size());
   const std::vector<std::size_t> placed = Placed(initial);
-  if (placed.empty()) return;
   RefineOptions options;
   options.threads = threads;
   std::vector<FrameInput> frames;
@@ -78,6 +77,8 @@ void RefineStatistically(const SuiteCapture& capture, int threads, MethodResult*
     refined[placed[k]] = result.frames[k].structure_from_sensor;
     method->corrections[placed[k]] = {result.frames[k].depth_gain, result.frames[k].depth_offset};
   }
+  method->poses[PoseStage::kStatistical] = method->poses[PoseStage::kCorrected] =
+      std::move(refined);
 }
 
 /// Labels of the network, and the paper's poses.
@@ -96,8 +97,8 @@ MethodResult RunNetwork(const SuiteCapture& capture, Segmenter& segmenter) {
   for (std::size_t i = 0; i < capture.views.size(); ++i) {
     const InitialPose pose =
         EstimatePaperPose(capture.views[i], segmented[i], capture.evaluation.structure);
-    result.initial.push_back(pose.found ? std::optional<Pose>(pose.structure_from_sensor)
-                                        : std::nullopt);
+    result.poses[PoseStage::kInitial].push_back(
+        pose.found ? std::optional<Pose>(pose.structure_from_sensor) : std::nullopt);
     result.labels.push_back(std::move(segmented[i].labels));
   }
   return result;
@@ -108,7 +109,7 @@ MethodResult RunMarkers(const SuiteCapture& capture) {
     throw Error("RunMethod: markers want an infrared picture of each frame");
   MethodResult result;
   for (std::size_t i = 0; i < capture.views.size(); ++i) {
-    result.initial.push_back(
+    result.poses[PoseStage::kInitial].push_back(
         EstimateMarkerPose(capture.views[i], capture.infrared_intrinsics[i],
                            FindMarkers(capture.infrared[i], capture.evaluation.structure),
                            capture.evaluation.structure));
@@ -122,26 +123,18 @@ MethodResult RunVolalign(const SuiteCapture& capture, Segmenter& segmenter, int 
   CalibrationResult calibration =
       Calibrate(capture.evaluation.frames, capture.evaluation.structure, segmenter, options);
   MethodResult result;
-  result.statistical.emplace();
   for (FrameResult& sensor : calibration.sensors) {
     result.labels.push_back(std::move(sensor.segmentation.labels));
-    result.initial.push_back(sensor.structure_from_sensor ? std::optional<Pose>(sensor.initial)
-                                                          : std::nullopt);
-    result.statistical->push_back(sensor.structure_from_sensor);
+    result.poses[PoseStage::kInitial].push_back(
+        sensor.structure_from_sensor ? std::optional<Pose>(sensor.initial) : std::nullopt);
+    for (const PoseStage stage : {PoseStage::kStatistical, PoseStage::kCorrected})
+      result.poses[stage].push_back(sensor.structure_from_sensor);
     result.corrections.push_back({sensor.depth_gain, sensor.depth_offset_m});
   }
   return result;
 }
 
 }  // namespace
-
-const FramePoses* PosesAt(PoseStage stage, const MethodResult& result) {
-  if (stage == PoseStage::kInitial) return &result.initial;
-  if (stage == PoseStage::kCorrected && result.corrections.empty()) return nullptr;
-  const std::optional<FramePoses>& poses =
-      stage == PoseStage::kGraph ? result.graph : result.statistical;
-  return poses ? &*poses : nullptr;
-}
 
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
                                 const MethodResult& result) {
@@ -159,7 +152,7 @@ MethodResult RunMethod(const SuiteMethod& method, const SuiteCapture& capture, S
   if (method.kind == MethodKind::kVolalign) return RunVolalign(capture, *segmenter, threads);
   MethodResult result =
       method.kind == MethodKind::kMarkers ? RunMarkers(capture) : RunNetwork(capture, *segmenter);
-  result.graph = RefineByGraph(capture, result.initial);
+  result.poses[PoseStage::kGraph] = RefineByGraph(capture, result.poses[PoseStage::kInitial]);
   if (method.statistical) RefineStatistically(capture, threads, &result);
   return result;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <vector>
 
@@ -33,14 +34,10 @@ struct DepthCorrection {
 
 /// A method's result for a capture.
 struct MethodResult {
-  std::vector<LabelImage> labels;  ///< predicted, of its frames; empty without labels
-  FramePoses initial;
-  std::optional<FramePoses> graph, statistical;  ///< refined; absent if the method has none
-  std::vector<DepthCorrection> corrections;      ///< of `statistical`, or empty
+  std::vector<LabelImage> labels;            ///< predicted, of its frames; empty without labels
+  std::map<PoseStage, FramePoses> poses;     ///< of the stages that the method has
+  std::vector<DepthCorrection> corrections;  ///< of the corrected stage
 };
-
-/// The poses of a stage; null if the method does not have it.
-const FramePoses* PosesAt(PoseStage stage, const MethodResult& result);
 
 /// The views for a stage's poses: with corrected depths, or as they are.
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,

@@ -44,10 +44,8 @@ struct NamedStage {
 };
 std::vector<NamedStage> StagesOf(const SuiteCapture& capture, const MethodResult& result) {
   std::vector<NamedStage> stages;
-  for (const PoseStage stage : AllOf(PoseStage())) {
-    if (const FramePoses* poses = PosesAt(stage, result))
-      stages.push_back({ToString(stage), poses, ViewsAt(stage, capture, result)});
-  }
+  for (const auto& [stage, poses] : result.poses)
+    stages.push_back({ToString(stage), &poses, ViewsAt(stage, capture, result)});
   return stages;
 }
 

@@ -142,8 +142,8 @@ class Scores : public testing::Test {
       capture_.views.push_back(MakeSensorView(frame, frame.intrinsics));
     const Pose truth = *rig.frames[0].ground_truth;
     result_.labels = rig.labels;
-    result_.initial = {truth, std::nullopt};
-    result_.graph = FramePoses{Eigen::Translation3d(kOff, 0, 0) * truth, std::nullopt};
+    result_.poses[PoseStage::kInitial] = {truth, std::nullopt};
+    result_.poses[PoseStage::kGraph] = {Eigen::Translation3d(kOff, 0, 0) * truth, std::nullopt};
   }
   CaptureScores Score() const { return ScoreCapture(capture_, result_, kMinPixels); }
 

@@ -260,27 +260,13 @@ TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
   depth(1, 1) = 0;
   capture.views = {MakeSensorView(depth, Kinect().Resized(4, 3))};
   MethodResult result;
-  result.initial = {Pose::Identity()};
-  result.statistical = FramePoses{Pose(Eigen::Translation3d(1, 0, 0))};
   result.corrections = {{1.01, -0.004}};
-  ASSERT_EQ(PosesAt(PoseStage::kCorrected, result), PosesAt(PoseStage::kStatistical, result));
   const std::vector<SensorView> corrected = ViewsAt(PoseStage::kCorrected, capture, result);
   ASSERT_EQ(corrected.size(), 1u);
   EXPECT_NEAR(corrected[0].depth(0, 0), 1.01 * 2 - 0.004, 1e-6);
   EXPECT_EQ(corrected[0].depth(1, 1), 0);  // nothing was measured there
   for (const PoseStage stage : {PoseStage::kInitial, PoseStage::kStatistical})
     EXPECT_EQ(ViewsAt(stage, capture, result)[0].depth, depth);
-}
-
-TEST(Stages, AreThoseThatTheMethodHas) {
-  MethodResult result;
-  result.initial = {std::nullopt};
-  EXPECT_EQ(PosesAt(PoseStage::kInitial, result), &result.initial);
-  for (const PoseStage stage : {PoseStage::kGraph, PoseStage::kStatistical, PoseStage::kCorrected})
-    EXPECT_EQ(PosesAt(stage, result), nullptr);
-  result.graph = result.initial;
-  EXPECT_EQ(PosesAt(PoseStage::kGraph, result), &*result.graph);
-  EXPECT_EQ(PosesAt(PoseStage::kCorrected, result), nullptr);
 }
 
 TEST(RunMethod, MarkersWantInfraredPictures) {
@@ -306,10 +292,12 @@ TEST(RunMethod, TheStatisticalRefinementImprovesThePapersPoses) {
   method.statistical = true;
   const MethodResult result = RunMethod(method, capture, &segmenter, 1);
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
-    ASSERT_TRUE(result.initial[i] && (*result.statistical)[i]) << i;
+    const std::optional<Pose>& initial = result.poses.at(PoseStage::kInitial)[i];
+    const std::optional<Pose>& refined = result.poses.at(PoseStage::kStatistical)[i];
+    ASSERT_TRUE(initial && refined) << i;
     const Pose& truth = *rig.frames[i].ground_truth;
-    EXPECT_GT(ComparePoses(*result.initial[i], truth).translation_m, 0.02) << i;
-    EXPECT_LT(ComparePoses(*(*result.statistical)[i], truth).translation_m, 0.005) << i;
+    EXPECT_GT(ComparePoses(*initial, truth).translation_m, 0.02) << i;
+    EXPECT_LT(ComparePoses(*refined, truth).translation_m, 0.005) << i;
   }
 }
 
