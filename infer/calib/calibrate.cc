@@ -37,7 +37,7 @@ CalibrationResult CalibrateAs(const CaptureSet& input, const StackFinding& stack
   begin("first poses");
   Seen seen = Look(input, std::move(found), segmenter, options, clock);
 
-  Joint joint = SolveJointly(std::move(seen), stack, segmenter, options, progress, clock);
+  Joint joint = SolveJointly(std::move(seen), stack, options, progress, clock);
 
   begin("residuals and verdict");
   const PerFrame<std::optional<Finding>> suspect_lenses = CheckLenses(

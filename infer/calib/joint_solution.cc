@@ -9,7 +9,6 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/pose.h"
-#include "infer/calib/look.h"
 #include "infer/checks/join.h"
 #include "infer/checks/neighbours.h"
 #include "infer/checks/verdict.h"
@@ -31,11 +30,9 @@ constexpr double kLabelsStay = 0.002;
 /// for the other one.
 constexpr int kFits = 4;
 
-/// The refinement is linear in the lenses. A picture that has moved farther, px, is seen anew, so
-/// many times at most. Four real Kinects whose last picture had moved by 1.9 px were 14 mm from the
-/// poses that another look gives.
+/// The refinement is linear in the lenses. Pictures that have moved farther, px, are seen anew. Four
+/// real Kinects whose pictures had moved by 1.9 px were 14 mm off without that.
 constexpr double kLinearPx = 1;
-constexpr int kMostLooks = 3;
 
 /// Located frames, none of which contradicts the others about where the stack stood.
 struct Located {
@@ -132,19 +129,6 @@ SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrame
   return frames;
 }
 
-/// The frames, excluded or not as the last refinement of `before` found.
-SomeFrames<FrameInput> ExcludedAsBefore(SomeFrames<FrameInput> frames,
-                                        const SomeFrames<FrameInput>& before,
-                                        const RefineResult& refined) {
-  auto found = refined.frames.begin();
-  for (const auto& [id, frame] : before) {
-    if (const auto same = frames.find(id); same != frames.end())
-      same->second.excluded = found->refused_fit.has_value();
-    ++found;
-  }
-  return frames;
-}
-
 /// The lenses with the refined changes, and each sensor's own focal length.
 LensSet WithChanges(const CaptureSet& input, LensSet lenses, const SomeFrames<FrameInput>& frames,
                     const RefineResult& refined) {
@@ -158,6 +142,17 @@ LensSet WithChanges(const CaptureSet& input, LensSet lenses, const SomeFrames<Fr
     lenses.own_focal[id] = own == of_sensor.end() ? 0 : own->second;
   }
   return lenses;
+}
+
+/// The same frames through other lenses.
+Seen Through(Seen seen, LensSet lenses, int threads) {
+  seen.views = LookThrough(*seen.input, lenses, std::move(seen.views), seen.lenses, threads);
+  seen.lenses = std::move(lenses);
+  return seen;
+}
+
+PerFrame<SampledCloud> Clouds(const Seen& seen, int threads) {
+  return MapFrames(seen.views, threads, [&](FrameId id) { return SampleCloud(seen.views[id]); });
 }
 
 /// `moves`: of the last round.
@@ -253,40 +248,43 @@ SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pos
   return poses;
 }
 
-Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
-                   const CalibrateOptions& options, const CalibrateProgress& progress,
-                   StageClock* clock) {
+Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions& options,
+                   const CalibrateProgress& progress, StageClock* clock) {
   const auto begin = [&](const char* stage) {
     if (progress) progress(stage);
   };
   const LocateOptions locate{options.initial, options.refine, options.verdict, options.threads};
-  const auto locate_all = [&] {
-    begin("each sensor by itself");
-    seen.clouds = MapFrames(seen.views, options.threads,
-                            [&](FrameId id) { return SampleCloud(seen.views[id]); });
-    Located located = Locate(stack, locate, &seen);
-    clock->Lap("placement");
-    begin("all sensors together");
-    return located;
-  };
+  begin("each sensor by itself");
+  seen.clouds = Clouds(seen, options.threads);
+  Located located = Locate(stack, locate, &seen);
+  clock->Lap("placement");
+  begin("all sensors together");
   SolveReport report;
-  int labelled = 0, looks = 1;
+  int labelled = 0;
   Moves before;
-  Located located = locate_all();
   SomeFrames<FrameInput> frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
   RefineSetup setup(options.refine);
   for (;;) {
-    const auto labels_stay = [&](const RefineResult& refined) {
-      return Largest(MovesOf(frames, PosesForLabels(frames, refined))) < kLabelsStay ||
-             labelled == kLabelRounds;
+    const auto is_final = [&](const RefineResult& refined) {
+      return labelled == kLabelRounds ||
+             (Largest(MovesOf(frames, PosesForLabels(frames, refined))) < kLabelsStay &&
+              LargestShift(seen.lenses, WithChanges(*seen.input, seen.lenses, frames, refined)) <
+                  kLinearPx);
     };
-    setup.is_final = labels_stay;
+    setup.is_final = is_final;
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
     Moves moves = MovesOf(frames, poses);
+    LensSet lenses = WithChanges(*seen.input, seen.lenses, frames, refined);
     report.moved_m = Largest(moves);
-    if (!labels_stay(refined)) {  // label
+    report.moved_px = LargestShift(seen.lenses, lenses);
+    if (!is_final(refined)) {  // label
+      if (report.moved_px >= kLinearPx) {
+        seen = Through(std::move(seen), std::move(lenses), options.threads);
+        seen.lenses = MeasureLenses(seen.views, std::move(seen.lenses), options.threads);
+        seen.clouds = Clouds(seen, options.threads);
+      }
       const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
       before = std::move(moves);
       frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
@@ -296,28 +294,16 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
       continue;
     }
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
-    if (!shapeless.empty()) {  // drop
-      located = Join(seen, Without(std::move(located.results), shapeless));
-    } else {  // look
+    if (shapeless.empty()) {
       clock->Lap("refinement");
-      LensSet lenses = WithChanges(*seen.input, seen.lenses, frames, refined);
-      report.moved_px = LargestShift(seen.lenses, lenses);
-      if (report.moved_px > 0)
-        seen = WithLenses(std::move(seen), std::move(lenses), options.threads);
       report.converged = refined.converged;
-      if (report.moved_px < kLinearPx || looks == kMostLooks) {
-        return MakeJoint(std::move(seen), std::move(located), frames, moves, std::move(refined),
-                         report);
-      }
-      ++looks;
-      seen.lenses = MeasureLenses(seen.views, std::move(seen.lenses), options.threads);
-      seen.labelled = LabelAgain(seen, located.results, segmenter, options, clock);
-      located = locate_all();
+      if (report.moved_px > 0) seen = Through(std::move(seen), std::move(lenses), options.threads);
+      return MakeJoint(std::move(seen), std::move(located), frames, moves, std::move(refined),
+                       report);
     }
-    SomeFrames<FrameInput> again =
-        WithPriors(FramesToRefine(seen, located.results), located.priors);
+    located = Join(seen, Without(std::move(located.results), shapeless));
+    frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
     setup = RefineSetup(options.refine);
-    frames = looks > 1 ? ExcludedAsBefore(std::move(again), frames, refined) : std::move(again);
     before.clear();
     labelled = 0;
   }

@@ -37,18 +37,15 @@ struct Joint {
 };
 
 /// Solves for all sensors together, in rounds of these steps, until nothing changes any more.
-/// Locate: each frame by itself, then with its prior, then by its neighbours, then where the stack
-/// stood in each capture. Refine: see Refine. Label: the stack and poses that were found label the
-/// points anew. The origin of the first labels, a network or geometry, then makes little
-/// difference. A frame that turns back begins the next round half way (NextStarts). Drop: a frame
-/// that geometry alone has located may move to where its view does not have the structure's shape
-/// (ShapeLogOdds). It is then no longer located (no_structure), and the others are solved again
-/// from their first poses. Look: the frames are seen anew through lenses that have changed too much
-/// for the solution to be linear in them. Each step has a limit; Joint::report says whether one was
-/// reached.
-Joint SolveJointly(Seen seen, const StackFinding& stack, Segmenter* segmenter,
-                   const CalibrateOptions& options, const CalibrateProgress& progress,
-                   StageClock* clock);
+/// Locate, once: each frame by itself, then with its prior, then by its neighbours, then where the
+/// stack stood in each capture. Refine: see Refine. Label: the stack, poses and lenses that were
+/// found label the points anew. The origin of the first labels, a network or geometry, then makes
+/// little difference. A frame that turns back begins the next round half way (NextStarts). Drop: a
+/// frame that geometry alone has located may move to where its view does not have the structure's
+/// shape (ShapeLogOdds). It is then no longer located (no_structure), and the others are solved
+/// again from their first poses. Joint::report says whether the limit of rounds was reached.
+Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions& options,
+                   const CalibrateProgress& progress, StageClock* clock);
 
 /// The frames' translations in a round, m.
 using Moves = SomeFrames<Eigen::Vector3d>;

@@ -8,7 +8,6 @@
 #include <set>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "core/base/error.h"
@@ -29,9 +28,8 @@ int ChoiceOf(const std::string& name, const std::vector<std::string>& chosen) {
   return number;
 }
 
-/// Frames whose depths failed get no labels, nor do those with a `known` pose.
-std::vector<Labelled> LabelCapture(const Seen& seen, std::size_t capture,
-                                   const std::vector<const Pose*>& known, Segmenter* segmenter,
+/// Frames whose depths failed get no labels.
+std::vector<Labelled> LabelCapture(const Seen& seen, std::size_t capture, Segmenter* segmenter,
                                    const CalibrateOptions& options, StageClock* clock) {
   const std::vector<SensorFrame>& frames = seen.input->captures[capture].frames;
   std::vector<Intrinsics> intrinsics;
@@ -42,7 +40,7 @@ std::vector<Labelled> LabelCapture(const Seen& seen, std::size_t capture,
   for (std::size_t i = 0; i < frames.size(); ++i) {
     requests.push_back({&seen.views[{capture, i}], &intrinsics[i], frames[i].quarter_turns,
                         !seen.depths[{capture, i}].failure,
-                        ChoiceOf(frames[i].name, options.orientation.choose), known[i],
+                        ChoiceOf(frames[i].name, options.orientation.choose),
                         priors[i] ? &*priors[i] : nullptr});
   }
   return LabelViews(requests, seen.input->structure, segmenter, options.initial, options.threads,
@@ -86,56 +84,11 @@ Seen Look(const CaptureSet& input, FoundLenses found, Segmenter* segmenter,
   clock->Lap("rays");
   std::vector<std::vector<Labelled>> labelled;
   for (std::size_t s = 0; s < input.captures.size(); ++s)
-    labelled.push_back(LabelCapture(seen, s,
-                                    std::vector<const Pose*>(input.captures[s].frames.size()),
-                                    segmenter, options, clock));
+    labelled.push_back(LabelCapture(seen, s, segmenter, options, clock));
   seen.labelled = PerFrame(std::move(labelled));
   for (const std::string& chosen : options.orientation.choose)
     RequireChoice(seen, ParseChoice(chosen));
   return seen;
-}
-
-Seen WithLenses(Seen seen, LensSet lenses, int threads) {
-  seen.views = LookThrough(*seen.input, lenses, std::move(seen.views), seen.lenses, threads);
-  seen.lenses = std::move(lenses);
-  return seen;
-}
-
-PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& results,
-                              Segmenter* segmenter, const CalibrateOptions& options,
-                              StageClock* clock) {
-  const auto is_anew = [&](FrameId id) {
-    return std::holds_alternative<Finding>(results[id]) && !seen.depths[id].failure;
-  };
-  PerFrame<Labelled> labelled = MapFrames(results, options.threads, [&](FrameId id) {
-    return UpdateInitialPose(seen.views[id], seen.labelled[id], seen.input->structure,
-                             options.initial);
-  });
-  for (std::size_t capture = 0; capture < results.captures(); ++capture) {
-    std::vector<FrameId> anew;
-    for (std::size_t i = 0; i < results.OfCapture(capture).size(); ++i) {
-      if (is_anew({capture, i})) anew.push_back({capture, i});
-    }
-    if (anew.empty()) continue;
-    std::vector<const Pose*> known;
-    for (std::size_t i = 0; i < results.OfCapture(capture).size(); ++i) {
-      const InitialPose& initial = labelled[{capture, i}].initial;
-      const bool keeps = !is_anew({capture, i}) && initial.found;
-      known.push_back(keeps ? &initial.structure_from_sensor : nullptr);
-    }
-    std::vector<Labelled> of_capture =
-        LabelCapture(seen, capture, known, segmenter, options, clock);
-    int sets = 0;
-    for (const Labelled& frame : labelled.OfCapture(capture)) {
-      for (const PoseAlternative& alternative : frame.alternatives)
-        sets = std::max(sets, alternative.rig + 1);
-    }
-    for (const FrameId id : anew) {
-      labelled[id] = std::move(of_capture[id.frame]);
-      for (PoseAlternative& alternative : labelled[id].alternatives) alternative.rig += sets;
-    }
-  }
-  return labelled;
 }
 
 }  // namespace volalign

@@ -15,14 +15,4 @@ namespace volalign {
 Seen Look(const CaptureSet& input, FoundLenses found, Segmenter* segmenter,
           const CalibrateOptions& options, StageClock* clock);
 
-/// The same through other lenses; labels and poses stay.
-Seen WithLenses(Seen seen, LensSet lenses, int threads);
-
-/// Labels and initial poses for the present rays of `seen`. `results`: from the rays before. A
-/// located frame is posed near its last pose. Every other frame with valid depths is labelled as if
-/// nothing were known of it.
-PerFrame<Labelled> LabelAgain(const Seen& seen, const PerFrame<LocateResult>& results,
-                              Segmenter* segmenter, const CalibrateOptions& options,
-                              StageClock* clock);
-
 }  // namespace volalign

@@ -74,8 +74,7 @@ std::vector<Labelling> TryOrientations(const LabelContext& context) {
   Orientations own;
   for (std::size_t i = 0; i < context.views.size(); ++i) {
     const int turns = context.views[i].quarter_turns;
-    if (context.views[i].usable && !context.views[i].known)
-      own.emplace_back(i, turns == kAutoTurns ? 0 : turns);
+    if (context.views[i].usable) own.emplace_back(i, turns == kAutoTurns ? 0 : turns);
   }
   std::vector<Labelling> all = Try(context, own);
   const auto append = [&](std::vector<Labelling> labellings) {

@@ -56,10 +56,6 @@ SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& f
                               const Labellings& labellings) {
   SensorHypotheses sensor{from.view, {}, from.chosen, from.prior};
   if (!from.usable || context.initial.method == PoseMethod::kPaper) return sensor;
-  if (from.known) {
-    sensor.poses = {{*from.known, PoseSource::kGeometry}};
-    return sensor;
-  }
   const auto settled = [](const Labelling* labelling) { return Settled(*labelling); };
   if (std::count_if(labellings.begin(), labellings.end(), settled) == 1) {
     const auto only = std::find_if(labellings.begin(), labellings.end(), settled);
@@ -78,7 +74,6 @@ SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& f
 Labelled TakePose(const LabelContext& context, const LabelRequest& from,
                   const Labellings& labellings, const PoseChoice& choice) {
   Labelled out;
-  if (from.known) return out;
   out.up_unknown = choice.up_unknown;
   out.alternatives = choice.alternatives;
   out.given = choice.given;
@@ -126,23 +121,6 @@ std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const S
     labelled[i] = TakePose(context, views[i], labellings[i], choices[i]);
   });
   clock->Lap("initial_pose");
-  return labelled;
-}
-
-Labelled UpdateInitialPose(const SensorView& view, Labelled labelled, const Structure& structure,
-                           const InitialPoseOptions& initial) {
-  if (!labelled.initial.found) return labelled;
-  const Pose near = labelled.initial.structure_from_sensor;
-  if (!labelled.ByNetwork()) {
-    LabelledPose again = LabelByPose(view, structure, near, initial);
-    if (again.initial.found) {
-      labelled.segmentation = std::move(again.segmentation);
-      labelled.initial = std::move(again.initial);
-    }
-    return labelled;
-  }
-  InitialPose updated = EstimateInitialPose(view, labelled.segmentation, structure, initial, &near);
-  if (updated.found) labelled.initial = std::move(updated);
   return labelled;
 }
 

@@ -34,9 +34,6 @@ struct LabelRequest {
   int quarter_turns = 0;
   bool usable = true;  ///< false: gets no labels and no pose
   int chosen = 0;      ///< SensorHypotheses::chosen
-  /// The pose that this frame keeps, or null. With a pose it gets no labels, and the poses of the
-  /// other frames are chosen to agree with it.
-  const Pose* known = nullptr;
   const PosePrior* prior = nullptr;  ///< of its pose in this capture; null: none
 };
 
@@ -85,11 +82,5 @@ struct Labelled {
 std::vector<Labelled> LabelViews(const std::vector<LabelRequest>& views, const Structure& structure,
                                  Segmenter* segmenter, const InitialPoseOptions& initial,
                                  int threads, StageClock* clock);
-
-/// Finds the initial pose of a view again, near the old one, after its rays have changed. A
-/// network's labels stay as they are. Where geometry found the pose, the view is labelled again by
-/// it.
-Labelled UpdateInitialPose(const SensorView& view, Labelled labelled, const Structure& structure,
-                           const InitialPoseOptions& initial);
 
 }  // namespace volalign
