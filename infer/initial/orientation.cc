@@ -18,15 +18,19 @@ using pose_internal::LabelContext;
 using pose_internal::Settled;
 using Labellings = std::vector<const Labelling*>;
 
-/// A pose that geometry has found, with the labels that it implies, which take the place of a
-/// network's. No network tells the turns: they are the frame's own, or put the floor at the bottom.
-void TakeGeometry(const LabelContext& context, const LabelRequest& from, const Pose& pose,
-                  Labelled* out) {
+/// A pose with the labels that it implies, in place of a network's. It is verified as one that
+/// geometry has found. Where no network tells the turns, they are the frame's own, or put the floor
+/// at the bottom.
+void TakeImplied(const LabelContext& context, const LabelRequest& from, const Hypothesis& chosen,
+                 Labelled* out) {
+  const Pose& pose = chosen.structure_from_sensor;
   LabelledPose labelled = LabelByPose(*from.view, context.structure, pose, context.initial);
   out->segmentation = std::move(labelled.segmentation);
   out->initial = std::move(labelled.initial);
   out->source = PoseSource::kGeometry;
-  out->quarter_turns = from.quarter_turns == kAutoTurns ? UprightTurns(pose) : from.quarter_turns;
+  out->quarter_turns = from.quarter_turns != kAutoTurns ? from.quarter_turns
+                       : context.segmenter              ? chosen.turns
+                                                        : UprightTurns(pose);
 }
 
 /// A labelling's labels and pose.
@@ -34,20 +38,6 @@ void TakeLabelling(const Labelling& labelling, Labelled* out) {
   out->quarter_turns = labelling.turns;
   out->segmentation = labelling.segmentation;
   out->initial = labelling.initial;
-}
-
-/// The labels that suit a pose chosen among orientations and symmetries, and the initial pose that
-/// follows from them.
-void TakeHypothesis(const LabelContext& context, const LabelRequest& from,
-                    const Labellings& labellings, const Hypothesis& chosen, Labelled* out) {
-  std::vector<const SegmentationResult*> segmentations;
-  for (const Labelling* labelling : labellings) segmentations.push_back(&labelling->segmentation);
-  out->quarter_turns =
-      from.quarter_turns == kAutoTurns ? chosen.turns : labellings[chosen.labelling]->turns;
-  out->segmentation =
-      LabelsAt(*from.view, context.structure, context.symmetries, chosen, segmentations);
-  out->initial = EstimateInitialPose(*from.view, out->segmentation, context.structure,
-                                     context.initial, &chosen.structure_from_sensor);
 }
 
 /// The hypotheses about a view's pose, by the network and by geometry. If labels and depths settle
@@ -83,18 +73,19 @@ Labelled TakePose(const LabelContext& context, const LabelRequest& from,
     out.other_pose = DescribeMotion(best.structure_from_sensor, other);
     out.floor_would_tell = LeavesFloor(best.structure_from_sensor, other);
   }
-  if (choice.found && best.source == PoseSource::kGeometry) {
-    TakeGeometry(context, from, best.structure_from_sensor, &out);
+  const bool is_own =
+      choice.found && best.source == PoseSource::kNetwork &&
+      SamePose(context.structure, labellings[best.labelling]->initial.structure_from_sensor,
+               best.structure_from_sensor);
+  if (is_own) {
+    TakeLabelling(*labellings[best.labelling], &out);
+  } else if (choice.found) {
+    TakeImplied(context, from, best, &out);
   } else if (labellings.empty()) {
     out.segmentation = {LabelImage(from.view->width(), from.view->height()),
                         Image<float>(from.view->width(), from.view->height())};
     out.source = PoseSource::kGeometry;
-  } else if (choice.found && best.symmetry < 0 && Settled(*labellings[best.labelling])) {
-    TakeLabelling(*labellings[best.labelling], &out);
-  } else if (choice.found && best.by_depth + best.by_outline + best.by_own_labels >= 0) {
-    TakeHypothesis(context, from, labellings, best, &out);
   } else {
-    // By renamed sides, other things can be made to look like a structure.
     TakeLabelling(*BestLabelling(labellings), &out);
   }
   return out;

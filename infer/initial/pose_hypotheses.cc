@@ -20,17 +20,6 @@ using Labellings = std::vector<const Labelling*>;
 /// m: a pose is labelled again while its labels move it farther than this.
 constexpr double kLabelsStay = 0.005;
 
-/// A labelling's labels, as the sides have them after the motion of the hypothesis' symmetry.
-SegmentationResult Renamed(SegmentationResult segmentation, const Hypothesis& hypothesis,
-                           const std::vector<StructureSymmetry>& symmetries) {
-  if (hypothesis.symmetry < 0) return segmentation;
-  const std::vector<std::uint8_t>& after =
-      symmetries[static_cast<std::size_t>(hypothesis.symmetry)].label_after;
-  for (std::uint8_t& label : segmentation.labels)
-    label = label < after.size() ? after[label] : std::uint8_t{0};
-  return segmentation;
-}
-
 /// A frame and its labellings' labels with fewer rays.
 struct Coarse {
   SensorView view;
@@ -64,11 +53,8 @@ std::vector<Hypothesis> OfLabellings(const std::vector<StructureSymmetry>& symme
 
 /// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Every
 /// pose is therefore estimated again before it is judged, once for all that are about the same.
-void EstimateAgain(const Coarse& coarse, const Structure& structure,
-                   const std::vector<StructureSymmetry>& symmetries,
+void EstimateAgain(const SensorView& view, const Structure& structure,
                    const InitialPoseOptions& options, std::vector<Hypothesis>* poses) {
-  std::vector<const SegmentationResult*> segmentations;
-  for (const SegmentationResult& labels : coarse.labels) segmentations.push_back(&labels);
   std::vector<std::pair<Pose, Pose>> known;  // before and after
   for (Hypothesis& each : *poses) {
     Pose& pose = each.structure_from_sensor;
@@ -76,9 +62,7 @@ void EstimateAgain(const Coarse& coarse, const Structure& structure,
       return SamePose(structure, pair.first, pose);
     });
     if (same == known.end()) {
-      const InitialPose again = EstimateInitialPose(
-          coarse.view, LabelsAt(coarse.view, structure, symmetries, each, segmentations), structure,
-          options, &pose);
+      const InitialPose again = LabelByPose(view, structure, pose, options).initial;
       known.emplace_back(pose, again.found ? again.structure_from_sensor : pose);
       same = known.end() - 1;
     }
@@ -125,15 +109,15 @@ std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& 
                                        const InitialPoseOptions& initial) {
   std::vector<Hypothesis> poses = OfLabellings(symmetries, labellings, known_up);
   if (!poses.empty())
-    EstimateAgain(Decimated(view, labellings), structure, symmetries, initial, &poses);
+    EstimateAgain(Decimate(view, StrideForRays(view.depth.size(), kCoarseRays)), structure, initial,
+                  &poses);
   if (AsksGeometry(initial.method)) AddGeometry(view, structure, symmetries, known_up, &poses);
-  WeighHypotheses(view, structure, symmetries, labellings, &poses);
+  WeighHypotheses(view, structure, labellings, &poses);
   return poses;
 }
 
 void WeighHypotheses(const SensorView& view, const Structure& structure,
-                     const std::vector<StructureSymmetry>& symmetries, const Labellings& labellings,
-                     std::vector<Hypothesis>* hypotheses) {
+                     const Labellings& labellings, std::vector<Hypothesis>* hypotheses) {
   const Coarse coarse = Decimated(view, labellings);
   std::vector<Pose> poses;
   for (const Hypothesis& each : *hypotheses) poses.push_back(each.structure_from_sensor);
@@ -155,56 +139,9 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
     each.by_labels = best.LogOddsByLabels();
     each.by_outline = best.LogOddsByOutline();
     labels_speak = labels_speak || each.by_outline > 0;
-    if (each.source == PoseSource::kNetwork) {
-      const SegmentationResult own = Renamed(coarse.labels[each.labelling], each, symmetries);
-      each.by_own_labels = explain(&own).LogOddsByLabels();
-    }
   }
   if (labels_speak) return;
   for (Hypothesis& each : *hypotheses) each.by_labels = each.by_outline = 0;
-}
-
-SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
-                            const std::vector<StructureSymmetry>& symmetries,
-                            const Hypothesis& hypothesis,
-                            const std::vector<const SegmentationResult*>& segmentations) {
-  SegmentationResult labels = Renamed(*segmentations[hypothesis.labelling], hypothesis, symmetries);
-  std::vector<const SegmentationResult*> sources = segmentations;
-  sources.erase(sources.begin() + static_cast<std::ptrdiff_t>(hypothesis.labelling));
-  sources.insert(sources.begin(), &labels);
-  const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
-  view.VisitMeasured(1, [&](int u, int v) {
-    const Eigen::Vector3d p = hypothesis.structure_from_sensor * view.Point(u, v);
-    const double farthest = tolerance(view.depth(u, v));
-    const auto distance = [&](std::uint8_t label) {
-      return label == 0 || label >= structure.num_classes()
-                 ? farthest
-                 : (structure.SideOfLabel(label).ClosestPoint(p) - p).norm();
-    };
-    if (distance(labels.labels(u, v)) < farthest) return;
-    struct {
-      std::uint8_t label;
-      float confidence;
-      double distance;  // m
-    } nearest{0, 0, farthest};
-    for (const SegmentationResult* source : sources) {
-      const std::uint8_t label = source->labels(u, v);
-      const float confidence = source->confidence(u, v);
-      if (label == 0 || !(confidence >= kLeastConfidence)) continue;
-      const auto consider = [&](std::uint8_t other) {
-        const double d = distance(other);
-        if (d < nearest.distance) nearest = {other, confidence, d};
-      };
-      consider(label);
-      for (const StructureSymmetry& symmetry : symmetries) {
-        if (label < symmetry.label_after.size()) consider(symmetry.label_after[label]);
-      }
-    }
-    if (nearest.label == 0) return;
-    labels.labels(u, v) = nearest.label;
-    labels.confidence(u, v) = nearest.confidence;
-  });
-  return labels;
 }
 
 LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose,

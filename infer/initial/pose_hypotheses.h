@@ -35,7 +35,6 @@ struct Hypothesis {
   double by_floor = 0;
   /// By the unchanged labels, and their outline, of the labelling that speaks for the pose most.
   double by_labels = 0, by_outline = 0;
-  double by_own_labels = 0;  ///< by its labelling's labels, renamed by the symmetry
 };
 
 /// Does a calibration take poses from geometry?
@@ -54,20 +53,8 @@ std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& 
 /// Sets the evidence of each hypothesis. If the labels' outline speaks for none of them, labels do
 /// not count. Beyond the distances that it was trained for, a network labels the room.
 void WeighHypotheses(const SensorView& view, const Structure& structure,
-                     const std::vector<StructureSymmetry>& symmetries,
                      const std::vector<const Labelling*>& labellings,
                      std::vector<Hypothesis>* hypotheses);
-
-/// The labels of a hypothesis' labelling, renamed by its symmetry and corrected by its pose, which
-/// shape and floor have settled. A pixel that lies on the side of its label keeps it. Any other
-/// pixel takes the label, with its confidence, of the nearest candidate side on which it lies.
-/// Candidates are the labels that the labellings give it with at least kLeastConfidence, and those
-/// that these have after each symmetry. A network that sees only a part of the structure takes some
-/// boxes for their neighbours.
-SegmentationResult LabelsAt(const SensorView& view, const Structure& structure,
-                            const std::vector<StructureSymmetry>& symmetries,
-                            const Hypothesis& hypothesis,
-                            const std::vector<const SegmentationResult*>& segmentations);
 
 /// The labels that a pose implies, and the initial pose that follows from them. They take the place
 /// of a network's labels.

@@ -36,11 +36,10 @@ using Choice = std::vector<int>;
 enum class Count { kFit, kOrientation, kAll };
 
 /// Hypotheses that are not about the same pose. Each stands for all that are about its pose, with
-/// the most evidence of any. A network's is kept rather than geometry's, then the one with
-/// better labels of its own.
+/// the most evidence of any. Those of a labelling's own pose are kept, then the first.
 std::vector<Hypothesis> Distinct(const SensorHypotheses& sensor, const Structure& structure) {
-  const auto rank = [](const Hypothesis& each) {
-    return std::make_pair(each.source == PoseSource::kNetwork, each.by_own_labels);
+  const auto has_labels = [](const Hypothesis& each) {
+    return each.source == PoseSource::kNetwork && each.symmetry < 0;
   };
   std::vector<Hypothesis> distinct;
   for (const Hypothesis& pose : sensor.poses) {
@@ -52,7 +51,7 @@ std::vector<Hypothesis> Distinct(const SensorHypotheses& sensor, const Structure
       continue;
     }
     const Hypothesis before = *same;
-    if (rank(pose) > rank(before)) *same = pose;
+    if (has_labels(pose) && !has_labels(before)) *same = pose;
     for (double Hypothesis::*by : {&Hypothesis::by_depth, &Hypothesis::by_outline,
                                    &Hypothesis::by_floor, &Hypothesis::by_labels})
       (*same).*by = std::max(before.*by, pose.*by);

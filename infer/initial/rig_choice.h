@@ -25,9 +25,7 @@ struct SensorHypotheses {
 
 struct PoseChoice {
   bool found = false;
-  /// The hypothesis with the best by_own_labels among those about the chosen pose. Its labelling
-  /// and symmetry say which labels suit the pose.
-  Hypothesis best;
+  Hypothesis best;  ///< about the chosen pose, a labelling's own if there is one
   /// The sensor may be upside down or not, and one of both contradicts the other sensors.
   bool up_unknown = false;
   bool given = false;  ///< a person has chosen the pose, see SensorHypotheses::chosen

@@ -151,20 +151,6 @@ void AddTurnsOfFacets(const Box& box, std::vector<Eigen::Matrix3d>* turns) {
   }
 }
 
-/// Labels of the structure's sides after a motion.
-std::vector<std::uint8_t> LabelsAfter(const Structure& structure, const Pose& motion) {
-  std::vector<std::uint8_t> after(static_cast<std::size_t>(structure.num_classes()), 0);
-  for (int label = 1; label < structure.num_classes(); ++label) {
-    const Side& side = structure.SideOfLabel(label);
-    for (const Side& other : structure.sides()) {
-      if ((motion * side.Middle() - other.Middle()).norm() < kSamePlace &&
-          (motion.linear() * side.normal).dot(other.normal) > kSameNormal)
-        after[static_cast<std::size_t>(label)] = other.label;
-    }
-  }
-  return after;
-}
-
 KdTree MiddlesOf(const std::vector<Box>& boxes) {
   std::vector<Eigen::Vector3d> middles;
   for (const Box& box : boxes) middles.push_back(MiddleOf(box));
@@ -210,7 +196,6 @@ std::vector<StructureSymmetry> FindSymmetries(const Structure& structure) {
           continue;
         symmetry.boxes = CountMoved(boxes, middles, symmetry.motion);
         if (symmetry.boxes == 0) continue;
-        symmetry.label_after = LabelsAfter(structure, symmetry.motion);
         symmetries.push_back(std::move(symmetry));
       }
     }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -15,9 +14,8 @@ namespace volalign {
 /// box. A step of its spiral, a quarter turn and one box higher or lower, moves all but one. Where
 /// a view does not show the rest, the shape cannot tell a pose from motion * pose.
 struct StructureSymmetry {
-  Pose motion = Pose::Identity();         ///< in the structure frame
-  std::vector<std::uint8_t> label_after;  ///< by a side's label: its label after the motion, or 0
-  int boxes = 0;                          ///< number of boxes that it brings onto a box
+  Pose motion = Pose::Identity();  ///< in the structure frame
+  int boxes = 0;                   ///< number of boxes that it brings onto a box
   bool keeps_up() const { return motion.linear()(1, 1) > kFacesAlike; }
 };
 

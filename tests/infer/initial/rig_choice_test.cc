@@ -76,12 +76,11 @@ struct Candidates {
 
 const Evidence kGood{0, 3, 0, -9}, kMisled{0, -12, 0, 4}, kFloor{12, 3, -14, 3};
 
-Hypothesis Candidate(const Pose& pose, double floor, double names, double own_names = 0) {
+Hypothesis Candidate(const Pose& pose, double floor, double names) {
   Hypothesis candidate;
   candidate.structure_from_sensor = pose;
   candidate.by_floor = floor;
   candidate.by_labels = names;
-  candidate.by_own_labels = own_names;
   return candidate;
 }
 
@@ -150,18 +149,17 @@ TEST(ChooseAlone, TheRivalIsTheBestOfSeveral) {
 }
 
 // Poses 10 cm and 5 deg apart are one pose that different labels led to; geometry has none.
-TEST(ChooseAlone, TakesTheLabelsThatSuitThePoseBest) {
-  Hypothesis first = Candidate(Upright(0, 0), 0, 3, -9);
-  Hypothesis second = Candidate(Upright(5, 0.1), 0, 1, 2);
-  Hypothesis third = Candidate(Upright(2, 0), 0, 1, 4);
+TEST(ChooseAlone, KeepsALabellingsOwnPoseWithTheEvidenceOfAll) {
+  Hypothesis first = Candidate(Upright(0, 0), 0, 3);
+  Hypothesis second = Candidate(Upright(5, 0.1), 0, 1);
+  Hypothesis third = Candidate(Upright(2, 0), 0, 1);
+  first.symmetry = 2;
   second.labelling = 1;
-  second.symmetry = 2;
   third.source = PoseSource::kGeometry;
   const PoseChoice choice = ChooseAmong({first, second, third});
   EXPECT_FALSE(choice.ambiguous());
   EXPECT_EQ(choice.best.labelling, 1u);
-  EXPECT_EQ(choice.best.symmetry, 2);
-  EXPECT_EQ(choice.best.by_own_labels, 2);
+  EXPECT_EQ(choice.best.symmetry, -1);
   EXPECT_EQ(choice.best.by_labels, 3);
 }
 
@@ -309,92 +307,6 @@ TEST(ChooseTogether, WhatTwoSensorsMeasuredLiesInTheSamePlaces) {
   const std::vector<PoseChoice> choices = rig.Choose();
   EXPECT_TRUE(rig.IsRight(choices[1], 1));
   EXPECT_FALSE(choices[1].ambiguous());
-}
-
-/// A box whose side z = 1 faces Coarse's left half; its side x = 0 is square to that, next to
-/// column 9: there, points at 1.01 m lie 1 cm from the one and 13 mm from the other.
-class LabelsOfAPose : public ::testing::Test {
- protected:
-  Structure box_ = Structure::FromBoxes(
-      "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 1, 2))});
-  std::uint8_t near_ = static_cast<std::uint8_t>(LabelOf(box_, "b/left"));
-  std::uint8_t next_ = static_cast<std::uint8_t>(LabelOf(box_, "b/front"));
-  std::uint8_t far_ = static_cast<std::uint8_t>(LabelOf(box_, "b/right"));
-  DepthImage depth_{20, 10, 1.01f};
-  Hypothesis hypothesis_;
-  /// In one row, at column 9.
-  struct Seen {
-    std::uint8_t label;
-    float confidence;
-  };
-  Seen At(const Seen& own, const std::vector<Seen>& others,
-          const std::vector<StructureSymmetry>& symmetries = {}) {
-    const auto labels = [](const Seen& seen) {
-      SegmentationResult result = Certain(LabelImage(20, 10, 0));
-      result.labels(9, 5) = seen.label;
-      result.confidence(9, 5) = seen.confidence;
-      return result;
-    };
-    std::vector<SegmentationResult> all{labels(own)};
-    for (const Seen& other : others) all.push_back(labels(other));
-    std::vector<const SegmentationResult*> segmentations;
-    for (const SegmentationResult& segmentation : all) segmentations.push_back(&segmentation);
-    const SegmentationResult result =
-        LabelsAt(MakeSensorView(depth_, Coarse()), box_, symmetries, hypothesis_, segmentations);
-    return {result.labels(9, 5), result.confidence(9, 5)};
-  }
-};
-
-TEST_F(LabelsOfAPose, ALabelWhoseSideIsNearStaysThoughAnotherIsNearer) {
-  const Seen kept = At({next_, 0.6f}, {{near_, 0.9f}});
-  EXPECT_EQ(kept.label, next_);
-  EXPECT_EQ(kept.confidence, 0.6f);
-}
-
-TEST_F(LabelsOfAPose, AnyOtherPixelTakesTheNearestSideThatASourceNames) {
-  for (const std::uint8_t own : {far_, std::uint8_t{0}}) {
-    const Seen one = At({own, 0.8f}, {{next_, 0.9f}});
-    EXPECT_EQ(one.label, next_);
-    EXPECT_EQ(one.confidence, 0.9f);
-    const Seen nearest = At({own, 0.8f}, {{next_, 0.9f}, {near_, 0.7f}, {far_, 1.0f}});
-    EXPECT_EQ(nearest.label, near_);
-    EXPECT_EQ(nearest.confidence, 0.7f);
-  }
-}
-
-TEST_F(LabelsOfAPose, SourcesThatAreNotSureHaveNoSay) {
-  EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.49f}}).label, far_);
-  EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.5f}}).label, near_);
-}
-
-TEST_F(LabelsOfAPose, ASymmetryNamesTheSideThatALabelHasAfterIt) {
-  StructureSymmetry symmetry;
-  symmetry.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
-  symmetry.label_after[far_] = near_;
-  const Seen own = At({far_, 0.8f}, {}, {symmetry});
-  EXPECT_EQ(own.label, near_);
-  EXPECT_EQ(own.confidence, 0.8f);
-  EXPECT_EQ(At({0, 0.8f}, {{far_, 0.6f}}, {symmetry}).label, near_);
-  EXPECT_EQ(At({far_, 0.4f}, {}, {symmetry}).label, far_);
-}
-
-TEST_F(LabelsOfAPose, NothingChangesWithoutDepthOrAwayFromTheStructure) {
-  depth_ = DepthImage(20, 10, 0.0f);
-  EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.9f}}).label, far_);
-  depth_ = DepthImage(20, 10, 0.94f);
-  EXPECT_EQ(At({far_, 0.8f}, {{near_, 0.9f}}).label, far_);
-}
-
-TEST_F(LabelsOfAPose, ThatASymmetryMovedAreRenamedByIt) {
-  depth_ = DepthImage(20, 10, 0.0f);
-  StructureSymmetry symmetry;
-  symmetry.label_after.assign(static_cast<std::size_t>(box_.num_classes()), 0);
-  symmetry.label_after[far_] = near_;
-  hypothesis_.symmetry = 0;
-  EXPECT_EQ(At({0, 0.8f}, {}, {symmetry}).label, 0);
-  EXPECT_EQ(At({far_, 0.8f}, {}, {symmetry}).label, near_);
-  EXPECT_EQ(At({next_, 0.8f}, {}, {symmetry}).label, 0);
-  EXPECT_EQ(At({255, 0.8f}, {}, {symmetry}).label, 0) << "beyond the table";
 }
 
 Structure Cube() {

@@ -106,15 +106,6 @@ std::vector<StructureSymmetry> SymmetriesByDefinition(const Structure& structure
           continue;
         symmetry.boxes = CountMoved(structure, symmetry.motion);
         if (2 * symmetry.boxes < static_cast<int>(structure.boxes().size())) continue;
-        symmetry.label_after.assign(static_cast<std::size_t>(structure.num_classes()), 0);
-        for (int label = 1; label < structure.num_classes(); ++label) {
-          const Side& side = structure.SideOfLabel(label);
-          for (const Side& other : structure.sides()) {
-            if ((symmetry.motion * side.centre - other.centre).norm() < 0.02 &&
-                (turn * side.normal).dot(other.normal) > 0.99)
-              symmetry.label_after[static_cast<std::size_t>(label)] = other.label;
-          }
-        }
         symmetries.push_back(symmetry);
       }
     }
@@ -162,7 +153,6 @@ TEST(FindSymmetries, AreAllMotionsByDefinition) {
     for (std::size_t a = 0; a < found.size(); ++a) {
       EXPECT_EQ(found[a].boxes, expected[a].boxes) << structure.name() << " " << a;
       EXPECT_LT((found[a].motion.matrix() - expected[a].motion.matrix()).norm(), 1e-12) << a;
-      EXPECT_EQ(found[a].label_after, expected[a].label_after) << structure.name() << " " << a;
     }
     all += found.size();
   }
@@ -205,11 +195,6 @@ TEST(FindSymmetries, OfMeshes) {
   };
   EXPECT_EQ(upright(drum(3)), 2);
   EXPECT_EQ(upright(drum(8)), 7);
-  // Every label of a side is that of a side.
-  for (const StructureSymmetry& symmetry : FindSymmetries(drum(8))) {
-    if (!symmetry.keeps_up()) continue;
-    EXPECT_EQ(std::count(symmetry.label_after.begin() + 1, symmetry.label_after.end(), 0), 0);
-  }
 }
 
 }  // namespace
