@@ -90,9 +90,11 @@ std::optional<RefinedEdge> LikeliestEdge(const JointProblem& problem, const Solu
   const Eigen::Index edge = best->second, column = first + edge;
   const std::optional<ModelFit> fit = fit_of(edge, true);
   if (!fit) return std::nullopt;
+  // Any of the edges may be wrong, each with the same probability.
+  const double log_odds = best->first - common->log_evidence - std::log(static_cast<double>(count));
   return RefinedEdge{static_cast<int>(edge) / kAxes, static_cast<int>(edge) % kAxes,
                      kUnit * fit->step[column], kUnit * std::sqrt(fit->covariance(column, column)),
-                     best->first - common->log_evidence};
+                     log_odds};
 }
 
 }  // namespace volalign::refine_internal
