@@ -473,8 +473,7 @@ TEST_F(ExportTest, PosesAndCloudsAreInTheWorldOfTheUser) {
   ExtrinsicsSource source;
   source.world.emplace();
   source.world->name = "robot";
-  source.world->world_from_structure.linear() = RotationExp(Eigen::Vector3d(M_PI / 2, 0.2, 0));
-  source.world->world_from_structure.translation() = Eigen::Vector3d(1, -2, 3);
+  source.world->world_from_structure = MakePose({M_PI / 2, 0.2, 0}, {1, -2, 3});
   source.world->covariance.setIdentity();
   const Pose& world = source.world->world_from_structure;
   const TempFolder folder;
@@ -567,8 +566,7 @@ CalibrationResult WithSecondCapture(const CalibrationResult& result, const Pose&
 }
 
 TEST_F(ExportTest, EachOfSeveralCapturesHasFoldersOfItsOwn) {
-  Pose placement(Eigen::Translation3d(1, 0, 0));
-  placement.linear() = RotationExp(Eigen::Vector3d(0, 0.5, 0));
+  const Pose placement = MakePose({0, 0.5, 0}, {1, 0, 0});
   const CalibrationResult both = WithSecondCapture(result_, placement);
   const TempFolder folder;
   WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure, {});

@@ -297,8 +297,7 @@ TEST_F(PosesTest, TheWorldOfTheUser) {
   const Eigen::Vector3d p(0.1, 0.2, 2);
   WorldFrame given;
   given.name = "robot base";
-  given.world_from_structure.linear() = RotationExp(Eigen::Vector3d(M_PI / 2, 0.3, 0.1));
-  given.world_from_structure.translation() = Eigen::Vector3d(1, -2, 3);
+  given.world_from_structure = testing_infer::MakePose({M_PI / 2, 0.3, 0.1}, {1, -2, 3});
   poses_[1].intrinsics_given = poses_[1].intrinsics;
   poses_[1].intrinsics_given->cx += 3;
   const std::vector<std::string> without = WritePoses(Path("noted"), PoseFormat::kTum, poses_);

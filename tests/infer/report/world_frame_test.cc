@@ -22,16 +22,9 @@ namespace {
 
 using namespace testing_infer;
 
-Pose Moved(const Eigen::Vector3d& rotation_vector, const Eigen::Vector3d& translation) {
-  Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(rotation_vector);
-  pose.translation() = translation;
-  return pose;
-}
-
 /// A robot's base with z up, 1.5 m away.
-Pose RobotFromStructure() { return Moved({M_PI / 2, 0.1, -0.2}, {1.5, -0.3, 0.8}); }
-Pose HandFromStructure() { return Moved({0.3, -2, 1}, {0.02, 0.05, 0.31}); }
+Pose RobotFromStructure() { return MakePose({M_PI / 2, 0.1, -0.2}, {1.5, -0.3, 0.8}); }
+Pose HandFromStructure() { return MakePose({0.3, -2, 1}, {0.02, 0.05, 0.31}); }
 
 Vector6d Normal(RandomStream* random) {
   Vector6d normal;
@@ -80,7 +73,7 @@ TEST(WorldFrame, TouchedCorners) {
 
   // The boxes stand where the capture shows them.
   CalibrationResult result;
-  std::vector<Pose> offsets(PaperStructure().boxes().size(), Moved({0, 0, 0}, {0.01, 0, 0}));
+  std::vector<Pose> offsets(PaperStructure().boxes().size(), MakePose({0, 0, 0}, {0.01, 0, 0}));
   result.built = PaperStructure().Displaced(offsets);
   const WorldFrame built = FindWorldFrame(Touched(0, &random), result, PaperStructure());
   EXPECT_LT((built.world_from_structure * Eigen::Vector3d(0.01, 0, 0) -
@@ -127,7 +120,7 @@ struct Arm {
       const bool begin = first_from_placement.empty();
       const Pose placement =
           begin ? Pose::Identity()
-                : Moved(turn, {random->Uniform(-0.3, 0.3), random->Uniform(-0.3, 0.3), 0.1});
+                : MakePose(turn, {random->Uniform(-0.3, 0.3), random->Uniform(-0.3, 0.3), 0.1});
       first_from_placement.push_back(placement);
       Pose hand = first * placement * HandFromStructure().inverse();
       hand.translation() += sigma_m * Normal(random).head<3>();
@@ -205,35 +198,10 @@ TEST(WorldFrame, CarriersThatDoNotServe) {
                            {"three captures"});
 }
 
-// Frames of three sensors round an arm that holds the stack in four poses.
-TEST(WorldFrame, OfRenderedFrames) {
-  RandomStream random(4, 0, "arm");
-  const Arm arm({Turns().begin(), Turns().end() - 1}, 0.0005, 0.02, &random);
-  StoredSegmenter segmenter;
-  std::vector<Capture> captures;
-  for (std::size_t s = 0; s < arm.first_from_placement.size(); ++s) {
-    const Pose& placement = arm.first_from_placement[s];
-    Rig rig{PaperStructure(), {}, {}};
-    Scene scene{false, 4, placement};
-    for (std::size_t i = 0; i < 3; ++i) {
-      rig.Add(placement.inverse() * RingPose(20.0 + 120 * static_cast<double>(i), 2.2, 0.4), scene);
-      AddNoise(&rig.frames[i].depth, 0.001, 10 * s + i);
-      AddSmoothError(&rig.frames[i].depth, 0.002, 25, 10 * s + i);
-      segmenter.Store(rig.frames[i].depth, Certain(rig.labels[i]));
-    }
-    captures.push_back({"capture " + std::to_string(s), rig.frames});
-  }
-  const CalibrationResult result = Calibrate(captures, PaperStructure(), segmenter, {});
-  const WorldFrame world = FindWorldFrame(arm.observation, result, PaperStructure());
-  EXPECT_TRUE(Within(ComparePoses(world.world_from_structure, RobotFromStructure()), 0.004, 0.15));
-  EXPECT_TRUE(Within(ComparePoses(*world.carrier_from_structure, HandFromStructure()), 0.004, 0.2));
-  EXPECT_LT(Square(world.world_from_structure, RobotFromStructure(), world.covariance), 25);
-}
-
 TEST(WorldFrame, APoseHasItsOwnSigmas) {
   WorldObservation observation;
   observation.name = "room";
-  observation.world_from_structure = Moved({0, 0, 1}, {10, 0, 0});
+  observation.world_from_structure = MakePose({0, 0, 1}, {10, 0, 0});
   observation.sigma_m = 0.01;
   observation.sigma_deg = 1;
   const WorldFrame world = FindWorldFrame(observation, {}, PaperStructure());
@@ -243,7 +211,7 @@ TEST(WorldFrame, APoseHasItsOwnSigmas) {
             1e-9);
   EXPECT_NEAR(SigmaRotationDeg(world.covariance).x(), 1, 1e-9);
   // A sensor 2 m from the structure is less certain in the world than the structure.
-  const Pose sensor = *observation.world_from_structure * Moved({0, 0, 0}, {0, 0, 2});
+  const Pose sensor = *observation.world_from_structure * MakePose({0, 0, 0}, {0, 0, 2});
   EXPECT_NEAR(SigmaPosition(sensor, CovarianceInWorld(world, Matrix6d::Zero())).x(),
               std::hypot(0.01, 2 * kDegree), 1e-6);
   EXPECT_TRUE(

@@ -45,6 +45,13 @@ inline Intrinsics Kinect() { return {320, 288, 252.2, 252.2, 163.9, 168.2, {}}; 
 /// 20x10 pixels of 25 mm at 1 m, the axis between the middle ones: for pixels counted by hand.
 inline Intrinsics Coarse() { return {20, 10, 40, 40, 9.5, 4.5, {}}; }
 
+inline Pose MakePose(const Eigen::Vector3d& rotation_vector, const Eigen::Vector3d& translation) {
+  Pose pose = Pose::Identity();
+  pose.linear() = RotationExp(rotation_vector);
+  pose.translation() = translation;
+  return pose;
+}
+
 /// A sensor mounted on its side, looking at a point near the structure's middle. Angles in degrees,
 /// metres.
 inline Pose RingPose(double phi_deg, double rho = 2.0, double y = 0.4, double roll_deg = 90,
@@ -278,6 +285,26 @@ inline void AddNoise(DepthImage* depth, double sigma_at_2m, std::uint64_t seed) 
   for (float& z : *depth) {
     if (z > 0) z += static_cast<float>(random.Normal() * sigma_at_2m * z * z / 4);
   }
+}
+
+/// Sensors that look from all sides at six equal cartons in a row along x, alike from the front and
+/// from behind, in a square room with a cupboard and a bench.
+inline Rig RowInARoom(double azimuth, int sensors = 2) {
+  std::vector<Box> row;
+  for (int i = 0; i < 6; ++i)
+    row.push_back(Box::FromMinMax("b" + std::to_string(i), {-0.9 + 0.3 * i, 0, -0.2},
+                                  {-0.6 + 0.3 * i, 0.4, 0.2}));
+  std::vector<Box> room = row;
+  room.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
+  room.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
+  Rig rig{Structure::FromBoxes("room", room), {}, {}};
+  for (int i = 0; i < sensors; ++i) {
+    rig.Add(RingPose(azimuth + 360.0 / sensors * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
+    AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
+    rig.frames.back().quarter_turns = kAutoTurns;
+  }
+  rig.structure = Structure::FromBoxes("row", row);
+  return rig;
 }
 
 /// Errors as depth sensors have them beside white noise: smooth, with a standard deviation of
