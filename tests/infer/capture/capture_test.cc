@@ -13,17 +13,14 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "core/base/random.h"
 #include "core/formats/image_io.h"
 #include "core/geometry/typical_intrinsics.h"
 #include "infer/capture/capture_draft.h"
 #include "infer/capture/capture_folder.h"
 #include "infer/capture/mean_depth.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/write_pgm.h"
-#include "tests/infer/formats/bag_writer.h"
 
 namespace volalign::capture_test {
 namespace {
@@ -215,32 +212,6 @@ TEST_F(CaptureTest, KeysOfRecordingsAreNotPassedOver) {
   ExpectBad(WriteSensor("\"depth\": \"a.pgm\", \"frames\": 3, " + kIntrinsics),
             {"sensor \"A\"", "frames", "recording"});
   ExpectBad(Write("\xff\xfe{"), {"capture.json", "UTF-16", "UTF-8"});
-}
-
-/// A bag whose camera has no calibration, of one frame of 4x3.
-std::string UncalibratedBag() {
-  using namespace bag_writer;
-  const std::string header = MessageHeader("d");
-  const std::string size = Bytes<std::uint32_t>(3) + Bytes<std::uint32_t>(4);
-  const std::string image = header + size + Block("16UC1") + '\0' + Bytes<std::uint32_t>(8) +
-                            Block(std::string(24, '\1'));
-  const std::string camera =
-      header + size + Block("plumb_bob") + Bytes<std::uint32_t>(0) + std::string(30 * 8, '\0');
-  return Bag(Chunk(Records({{"/d/image", "sensor_msgs/Image", image},
-                            {"/d/camera_info", "sensor_msgs/CameraInfo", camera}})));
-}
-
-// What the capture says is not asked of the recording; a convention is no statement.
-TEST_F(CaptureTest, OverridesWhatARecordingSays) {
-  folder_.Write("a.bag", UncalibratedBag());
-  const std::string depth = "\"depth\": \"a.bag\"";
-  const CaptureFile capture = ReadCapture(WriteSensor(depth + ", " + kIntrinsics));
-  EXPECT_EQ(capture.sensors[0].intrinsics.fy, 5.5);
-  ExpectBad(WriteSensor(depth), {"sensor \"A\"", "/d/camera_info", "not calibrated", "intrinsics"});
-  const CaptureFile tenths =
-      ReadCapture(Write(R"({"depth_scale": 0.0001, "sensors": [{"name": "A", )" + depth + ", " +
-                        kIntrinsics + "}]}"));
-  EXPECT_FLOAT_EQ(tenths.sensors[0].depth(0, 0), 0.0257f);
 }
 
 class CaptureDraftTest : public ::testing::Test {
@@ -651,21 +622,6 @@ TEST(SetMeanDepth, UnitsAreTheFilesOwn) {
   const SensorFrame metres = PixelMean({1, 1, 1, 1}, 1, false);
   EXPECT_NEAR(metres.depth_sigma[0], 0.3e-4 / 2, 1e-9);
   EXPECT_NEAR(PixelMean({1, 1.002, 1.004}, 1, false).depth[0], 1.002, 1e-6);
-}
-
-// The standard error is that of many means of frames with a known error.
-TEST(SetMeanDepth, SigmaIsTheStandardError) {
-  constexpr int kPixels = 4000, kFrames = 25;
-  constexpr double kSigma = 6;  // mm
-  RandomStream random(7, 0, "mean depth");
-  const SensorFrame frame = MeanOf(
-      Rows(kFrames, kPixels, [&](int, int) { return std::round(2000 + kSigma * random.Normal()); }),
-      0.001);
-  Tally errors, stated;
-  for (const float z : frame.depth) errors += 1000 * static_cast<double>(z) - 2000;
-  for (const float sigma : frame.depth_sigma) stated += 1000 * static_cast<double>(sigma);
-  EXPECT_NEAR(errors.Rms(), kSigma / std::sqrt(kFrames), 0.05);
-  EXPECT_NEAR(stated.Rms(), errors.Rms(), 0.1 * errors.Rms());
 }
 
 TEST(SetMeanDepth, WhatIsMeasuredOnceOrTwiceOfManyIsNot) {
