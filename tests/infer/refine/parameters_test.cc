@@ -95,8 +95,7 @@ std::vector<Named> AllParameters(const ParameterLayout& layout) {
 void ExpectColumnsOfTheJacobian(int lens_count) {
   // The stack stands elsewhere in the second capture, which has a frame of the first sensor.
   Rig rig{PaperStructure(), {}, {}};
-  Pose placement(Eigen::Translation3d(0.4, 0, -0.2));
-  placement.linear() = RotationExp(Eigen::Vector3d(0, 0.7, 0));
+  const Pose placement = MakePose({0, 0.7, 0}, {0.4, 0, -0.2});
   rig.Add("A", RingPose(40));
   rig.Add("B", RingPose(100));
   rig.Add("A", placement.inverse() * RingPose(40));
@@ -251,11 +250,10 @@ struct Handmade {
   SensorPoints nothing;
   RefineOptions options;
   std::vector<FrameInput> frames;
-  Pose placement{Eigen::Translation3d(0.4, 0.01, -0.3)};
+  Pose placement = MakePose({0, 0.7, 0}, {0.4, 0.01, -0.3});
   Solution solution;
 
   Handmade() {
-    placement.linear() = RotationExp({0, 0.7, 0});
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];
