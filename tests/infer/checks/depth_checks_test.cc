@@ -6,25 +6,16 @@
 #include <vector>
 
 #include "tests/core/base/expect_error.h"
+#include "tests/infer/view/synthetic.h"
 
 namespace volalign::depth_checks_test {
 namespace {
-
-Intrinsics Small() {
-  Intrinsics intrinsics;
-  intrinsics.width = 20;
-  intrinsics.height = 10;
-  intrinsics.fx = intrinsics.fy = 40;
-  intrinsics.cx = 9.5;
-  intrinsics.cy = 4.5;
-  return intrinsics;
-}
 
 /// Every pixel at its own depth, from `nearest` to `farthest`.
 SensorFrame Ramp(const std::string& name, float nearest, float farthest) {
   SensorFrame frame;
   frame.name = name;
-  frame.intrinsics = Small();
+  frame.intrinsics = testing_infer::Coarse();
   frame.depth = DepthImage(20, 10);
   for (std::size_t i = 0; i < frame.depth.size(); ++i)
     frame.depth[i] = nearest + (farthest - nearest) * static_cast<float>(i) / 199;

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <string>
 #include <vector>
 
 #include "tests/infer/view/synthetic.h"
@@ -17,25 +16,16 @@ constexpr double kRefuting = 100;
 /// What two sensors alone see of each other's surroundings is little.
 constexpr double kDoubtful = 1;
 
-/// A long carton, alike from the front and from behind.
-std::vector<Box> Carton() { return {Box::FromMinMax("carton", {-0.9, 0, -0.2}, {0.9, 0.4, 0.2})}; }
-
-/// Sensors round it in a room with two cupboards, which are no part of the structure.
+/// Sensors round a row of cartons, in a room whose cupboard and bench are no part of the structure.
 struct Room {
+  Rig rig;
   std::vector<SensorView> views;
   std::vector<Pose> poses;
 
-  explicit Room(int sensors) {
-    std::vector<Box> seen = Carton();
-    seen.push_back(Box::FromMinMax("cupboard", {1.2, 0, -2.4}, {2.0, 1.8, -1.9}));
-    seen.push_back(Box::FromMinMax("bench", {-2.3, 0, 0.8}, {-1.5, 0.5, 1.8}));
-    Rig rig{Structure::FromBoxes("room", seen), {}, {}};
-    for (int i = 0; i < sensors; ++i) {
-      rig.Add("S" + std::to_string(i),
-              RingPose(80 + 360.0 / sensors * i, 1.9, 0.9, 90, {0, 0.2, 0}), {true, 2.5});
-      AddNoise(&rig.frames.back().depth, 0.004, static_cast<std::uint64_t>(i));
-      views.push_back(MakeSensorView(rig.frames.back().depth, rig.frames.back().intrinsics));
-      poses.push_back(*rig.frames.back().ground_truth);
+  explicit Room(int sensors) : rig(RowInARoom(80, sensors)) {
+    for (const SensorFrame& frame : rig.frames) {
+      views.push_back(MakeSensorView(frame.depth, frame.intrinsics));
+      poses.push_back(*frame.ground_truth);
     }
   }
   void TurnAboutTheVertical(std::size_t i) {
@@ -44,8 +34,7 @@ struct Room {
   std::vector<std::optional<FreeSpaceViolation>> Find(double refuting_odds = kRefuting) const {
     std::vector<const SensorView*> all;
     for (const SensorView& view : views) all.push_back(&view);
-    return FindFreeSpaceViolations(all, poses, Structure::FromBoxes("carton", Carton()),
-                                   refuting_odds, 1);
+    return FindFreeSpaceViolations(all, poses, rig.structure, refuting_odds, 1);
   }
 };
 
@@ -78,15 +67,14 @@ TEST(FindFreeSpaceViolations, OfSeveralTheWrongOneAlone) {
   for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(found[i].has_value(), i == 3) << i;
 }
 
-// The third sees nothing but the carton.
+// The third sees nothing but the row.
 TEST(FindFreeSpaceViolations, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) {
   Room room(2);
   room.TurnAboutTheVertical(1);
   room.views.push_back(room.views[0]);
   room.poses.push_back(room.poses[0]);
   DepthImage& depth = room.views[2].depth;
-  const Structure carton = Structure::FromBoxes("carton", Carton());
-  const ExpectedView seen = CastView(carton, room.views[2].rays, room.poses[2]);
+  const ExpectedView seen = CastView(room.rig.structure, room.views[2].rays, room.poses[2]);
   for (std::size_t i = 0; i < depth.size(); ++i) {
     if (!(seen.depth[i] > 0)) depth[i] = 0;
   }
@@ -97,9 +85,8 @@ TEST(FindFreeSpaceViolations, OfTwoThatNoOtherTellsApartEitherMayBeTheWrongOne) 
 TEST(FindFreeSpaceViolations, ASensorWithoutAPoseTakesNoPart) {
   Room room(3);
   room.TurnAboutTheVertical(2);
-  const Structure structure = Structure::FromBoxes("carton", Carton());
   const auto found = FindFreeSpaceViolations({&room.views[0], &room.views[1], nullptr}, room.poses,
-                                             structure, kRefuting, 1);
+                                             room.rig.structure, kRefuting, 1);
   for (const auto& each : found) EXPECT_FALSE(each.has_value());
 }
 

@@ -18,10 +18,7 @@ namespace {
 using namespace testing_infer;
 
 Pose Placement(double x, double yaw_deg) {
-  Pose pose = Pose::Identity();
-  pose.linear() = RotationExp(Eigen::Vector3d(0, yaw_deg * M_PI / 180, 0));
-  pose.translation().x() = x;
-  return pose;
+  return MakePose({0, yaw_deg * M_PI / 180, 0}, {x, 0, 0});
 }
 
 /// Frames that are located in captures by hand.

@@ -20,16 +20,5 @@ TEST(SensorCode, HasTheWordsOfTheFiles) {
             "uncertain typical_intrinsics ");
 }
 
-TEST(SensorStatus, IsTheWorseTheLarger) {
-  EXPECT_EQ(
-      AllOf(SensorStatus()),
-      (std::vector<SensorStatus>{SensorStatus::kOk, SensorStatus::kWeak, SensorStatus::kFailed}));
-  EXPECT_LT(SensorStatus::kOk, SensorStatus::kWeak);
-  EXPECT_LT(SensorStatus::kWeak, SensorStatus::kFailed);
-  EXPECT_STREQ(ToString(SensorStatus::kOk), "ok");
-  EXPECT_STREQ(ToString(SensorStatus::kWeak), "weak");
-  EXPECT_STREQ(ToString(SensorStatus::kFailed), "failed");
-}
-
 }  // namespace
 }  // namespace volalign::outcome_test

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <vector>
 
 #include "infer/checks/verification.h"
+#include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/checks/seen_with_labels.h"
 #include "tests/infer/view/synthetic.h"
@@ -80,30 +80,6 @@ TEST(LocateAlone, OtherIntrinsicsThatFitBetterAreFound) {
   EXPECT_TRUE(placed->suspect_intrinsics.has_value());
 }
 
-// A board 80 cm before the sensor leaves a third of the stack's pixels free: what it hides neither
-// confirms nor refutes the pose.
-TEST(LocateAlone, WhatHidesTheStackDoesNotRefuteThePose) {
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("S0", RingPose(40));
-  DepthImage& depth = rig.frames[0].depth;
-  LabelImage& labels = rig.labels[0];
-  const auto count = [&] {
-    return std::count_if(labels.begin(), labels.end(),
-                         [](std::uint8_t label) { return label > 0; });
-  };
-  const auto all = count();
-  for (int v = 0; v < depth.height() && 3 * count() > all; ++v) {
-    for (int u = 0; u < depth.width(); ++u) {
-      depth(u, v) = 0.8f;
-      labels(u, v) = 0;
-    }
-  }
-  const LocateResult result = Located(rig).Alone()[0];
-  const auto* placed = std::get_if<LocatedFrame>(&result);
-  ASSERT_NE(placed, nullptr) << std::get<Finding>(result).reason;
-  EXPECT_LT(ComparePoses(placed->own_pose, *rig.frames[0].ground_truth).translation_m, 3e-3);
-}
-
 TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   const Located frames(NarrowRig());
   AssemblyReport report;
@@ -119,7 +95,19 @@ TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
     EXPECT_EQ(finding->reason,
               "the stack or the frames are mirrored: this explains 98 % of what the sensors see, "
               "and the stack as described 70 %");
+    EXPECT_TRUE(Has(finding->hint, "if only the stack is mirrored", "in the pictures"));
   }
+}
+
+TEST(LocateAlone, NoSensorIsPlacedWhoseUpIsUnknown) {
+  Located frames(NarrowRig());
+  frames.seen.labelled[{0, 0}].up_unknown = true;
+  const LocateResult result = frames.Alone()[0];
+  const auto* finding = std::get_if<Finding>(&result);
+  ASSERT_NE(finding, nullptr);
+  EXPECT_EQ(finding->code, SensorCode::kAmbiguous);
+  EXPECT_TRUE(Has(finding->reason, "Nothing shows which is right"));
+  EXPECT_TRUE(Has(finding->hint, "quarter_turns"));
 }
 
 TEST(FramesToRefine, AreTheLocatedOnes) {

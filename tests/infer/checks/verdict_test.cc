@@ -81,14 +81,6 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
   }
 }
 
-TEST(FindWeakness, OneThatDisagreesIsAskedForItsFrameFirst) {
-  VerdictFacts facts = AtTheLimits();
-  facts.contradiction = ContradictedSensors{{"S2"}, {0.02, 1}};
-  const std::string hint = FindWeakness(facts, VerdictOptions())->hint;
-  EXPECT_LT(hint.find("mirrored or turned by 180 deg"), hint.find("another sensor's"));
-  EXPECT_LT(hint.find("another sensor's"), hint.find("intrinsics"));
-}
-
 // A turn about the structure's vertical moves a sensor that stands 2.3 m away.
 TEST(FindWeakness, WhatCountsIsThePositionOfTheSensorItself) {
   VerdictFacts facts = AtTheLimits();
@@ -139,14 +131,6 @@ TEST(FindWeakness, AnUncertaintyThatIsNoNumberIsUncertain) {
   const std::optional<Finding> weakness = FindWeakness(facts, VerdictOptions());
   ASSERT_TRUE(weakness.has_value());
   EXPECT_EQ(weakness->code, SensorCode::kUncertain);
-}
-
-TEST(FindWeakness, TurnsAreAskedForOnlyWhereTheyAreNotGiven) {
-  VerdictFacts facts = AtTheLimits();
-  facts.other_pose = "upside down";
-  EXPECT_NE(FindWeakness(facts, VerdictOptions())->hint.find("quarter_turns"), std::string::npos);
-  facts.known_turns = true;
-  EXPECT_EQ(FindWeakness(facts, VerdictOptions())->hint.find("quarter_turns"), std::string::npos);
 }
 
 TEST(FindDuplicates, NamesSensorsInOnePlaceWithOneDirection) {
