@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -11,9 +10,9 @@
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
 #include "infer/initial/pose_hypotheses.h"
-#include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
+#include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -124,17 +123,7 @@ TEST(Situations, AFloorThatIsUnevenByTwoCentimetres) {
 }
 
 Pose Upright(double yaw_deg, double height) {
-  Pose pose = Pose::Identity();
-  pose.linear() =
-      Eigen::AngleAxisd(yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  pose.translation().y() = height;
-  return pose;
-}
-
-Pose UpsideDown() {
-  Pose pose = Pose::Identity();
-  pose.linear() = Eigen::Vector3d(1, -1, -1).asDiagonal();
-  return pose;
+  return MakePose({0, yaw_deg * M_PI / 180, 0}, {0, height, 0});
 }
 
 Labelling MakeLabelling(int turns, const SegmentationResult& labels, bool found = false,
@@ -154,7 +143,7 @@ TEST(FindHypotheses, AreThePosesOfLabellingsAndTheirSymmetricOnes) {
   const Labelling none = MakeLabelling(0, labels, false, 4),
                   two = MakeLabelling(1, labels, true, 2), one = MakeLabelling(3, labels, true, 1);
   std::vector<StructureSymmetry> symmetries(2);
-  symmetries[0].motion = UpsideDown();
+  symmetries[0].motion = MakePose({M_PI, 0, 0}, {0, 0, 0});
   symmetries[1].motion = Upright(90, 0.4);
   InitialPoseOptions network;
   network.method = PoseMethod::kNetwork;
@@ -234,59 +223,31 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   EXPECT_EQ(poses[0].by_labels, 0);
 }
 
-/// A wide picture that cuts the stack off at the top and the bottom.
-Intrinsics Wide() { return {320, 180, 230, 230, 159.5, 89.5, {}}; }
-
-Pose WidePose(double phi_deg) {
-  return RingPose(phi_deg, 1.65, 0, 0, Eigen::Vector3d(-0.05, -0.1, 0));
-}
-
 /// Labels that a network gives that takes the structure for the symmetry: those of the structure as
 /// seen from the moved pose, where the depths are the same.
-LabelImage LabelsAs(const Rig& rig, const Pose& motion) {
-  const SensorFrame& frame = rig.frames.back();
+LabelImage LabelsAs(const Rig& rig, const LabelImage& seen, const Pose& motion) {
+  const SensorFrame& frame = rig.frames[0];
   LabelImage labels =
       CastView(rig.structure, ComputeRays(frame.intrinsics), motion * *frame.ground_truth).labels;
   for (std::size_t i = 0; i < labels.size(); ++i) {
-    if (rig.labels.back()[i] == 0) labels[i] = 0;
+    if (seen[i] == 0) labels[i] = 0;
   }
   return labels;
 }
 
-FrameResult CalibrateAs(const Rig& rig, const LabelImage& labels) {
-  StoredSegmenter segmenter;
-  segmenter.Store(rig.frames.back().depth, Certain(labels));
-  CalibrateOptions options;
-  return Calibrate(rig.frames, rig.structure, segmenter, options).sensors.front();
-}
-
-Rig WideRig(double phi_deg, int turns, const Scene& scene = {true, 3.0}) {
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("S", WidePose(phi_deg), scene, Wide());
-  rig.frames.back().quarter_turns = turns;
-  return rig;
-}
-
-/// Without a floor, before walls of which only a band about the stack's middle is measured, so that
-/// the frame is much the same upside down.
-Rig BetweenWalls(int turns) {
-  Rig rig = WideRig(20, turns, {false, 3.0});
-  SensorFrame& frame = rig.frames.back();
-  const SensorView view = MakeSensorView(frame.depth, frame.intrinsics);
-  for (const auto [u, v] : Pixels(view)) {
-    const Eigen::Vector3d p = *frame.ground_truth * view.Point(u, v);
-    if (rig.labels.back()(u, v) == 0 && std::abs(p.y()) > 0.5) frame.depth(u, v) = 0;
-  }
-  return rig;
-}
-
-// Rendered ground truth: the pose that the frame was cast from.
+// Rendered ground truth: the pose that the frame was cast from. A wide picture cuts the stack off
+// at the top and the bottom.
 TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForASymmetry) {
   for (const double phi : {20.0, 250.0}) {
-    const Rig rig = WideRig(phi, kAutoTurns);
+    Rig rig{PaperStructure(), {}, {}};
+    rig.Add("S", RingPose(phi, 1.65, 0, 0, {-0.05, -0.1, 0}), {true, 3.0},
+            {320, 180, 230, 230, 159.5, 89.5, {}});
+    rig.frames[0].quarter_turns = kAutoTurns;
+    const LabelImage labels = rig.labels[0];
     const std::vector<StructureSymmetry> symmetries = FindSymmetries(rig.structure);
     for (std::size_t a = 0; a < symmetries.size() && symmetries[a].boxes >= 3; ++a) {
-      const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, symmetries[a].motion));
+      rig.labels[0] = LabelsAs(rig, labels, symmetries[a].motion);
+      const FrameResult sensor = CalibrateRig(rig).sensors.front();
       ASSERT_TRUE(sensor.structure_from_sensor.has_value())
           << phi << " " << a << ": " << ToString(sensor.code) << ", " << sensor.reason;
       EXPECT_TRUE(Within(*sensor.error, 0.02, 1)) << phi << " " << a;
@@ -294,42 +255,6 @@ TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForASymmetry) {
       EXPECT_GT(sensor.label_iou, 0.6) << phi << " " << a;
     }
   }
-}
-
-TEST(CompetingPoses, AMixtureOfBoxesIsReconciled) {
-  const Rig rig = WideRig(20, kAutoTurns);
-  const std::vector<StructureSymmetry> symmetries = FindSymmetries(rig.structure);
-  LabelImage labels = LabelsAs(rig, symmetries[0].motion);
-  for (std::size_t a = 0; a < symmetries.size(); ++a) {
-    if (symmetries[a].boxes != 3 || !symmetries[a].keeps_up()) continue;
-    const LabelImage others = LabelsAs(rig, symmetries[a].motion);
-    for (const auto [u, v] : Pixels(labels.width(), labels.height() / 2))
-      labels(u, v) = others(u, v);
-    const FrameResult sensor = CalibrateAs(rig, labels);
-    ASSERT_TRUE(sensor.structure_from_sensor.has_value())
-        << ToString(sensor.code) << ", " << sensor.reason;
-    EXPECT_EQ(sensor.status, SensorStatus::kOk) << ToString(sensor.code);
-    EXPECT_LT(sensor.error->translation_m, 0.02);
-    EXPECT_GT(sensor.label_iou, 0.8);
-  }
-}
-
-// No floor: the frame is the same, to 5 mm, from both poses, and no answer is `ok`.
-TEST(CompetingPoses, WithoutAFloorUpAndDownStayOpen) {
-  for (const bool over : {false, true}) {
-    const Rig rig = BetweenWalls(kAutoTurns);
-    const Pose motion = over ? FindSymmetries(rig.structure).front().motion : Pose::Identity();
-    const FrameResult sensor = CalibrateAs(rig, LabelsAs(rig, motion));
-    ASSERT_TRUE(sensor.structure_from_sensor.has_value())
-        << ToString(sensor.code) << ", " << sensor.reason;
-    EXPECT_EQ(sensor.status, SensorStatus::kWeak);
-    EXPECT_EQ(sensor.code, SensorCode::kAmbiguous);
-    EXPECT_TRUE(Has(sensor.reason, "upside down"));
-    EXPECT_TRUE(Has(sensor.hint, "quarter_turns"));
-  }
-  const Rig given = BetweenWalls(3);
-  const FrameResult sensor = CalibrateAs(given, given.labels.back());
-  EXPECT_EQ(sensor.status, SensorStatus::kOk) << ToString(sensor.code) << ", " << sensor.reason;
 }
 
 }  // namespace

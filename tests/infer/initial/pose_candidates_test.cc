@@ -9,7 +9,6 @@
 
 #include "core/base/lists.h"
 #include "infer/initial/agreement.h"
-#include "infer/initial/floor.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/rig_choice.h"
@@ -117,10 +116,7 @@ TEST_F(PoseCandidates, OneSideOrNoneGivesNoCandidate) {
 }
 
 Pose Moved(const Pose& pose, double x, double yaw) {
-  Pose motion = Pose::Identity();
-  motion.linear() = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  motion.translation().x() = x;
-  return motion * pose;
+  return MakePose({0, yaw, 0}, {x, 0, 0}) * pose;
 }
 
 /// A view of a box that looks the same after half a turn, its labels, and poses of it.
@@ -303,16 +299,6 @@ TEST(ShapeLogOdds, NotWhereMuchIsMissing) {
                                       Standing("high", {0.15, 0.4, 0.3}, {0.15, 0.35, 0})});
   const SensorView view = See(narrow, kTruth);
   EXPECT_FALSE(ShapeLogOdds(view, Stack(), kTruth).has_value());
-}
-
-// The stack is looked for as it would lie on its side in mid-air, with the floor of the room beside
-// it: much is measured where there would be ground.
-TEST(FloorFit, FloatsWhereTheRoomReachesUnderTheStack) {
-  const SensorView view = See(Stack(), kTruth);
-  EXPECT_FALSE(FindFloor(view, Stack(), kTruth).Floats());
-  const Pose lying(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX()));
-  EXPECT_TRUE(FindFloor(view, Stack(), lying * kTruth).Floats());
-  EXPECT_FALSE(ShapeLogOdds(view, Stack(), lying * kTruth).has_value());
 }
 
 }  // namespace

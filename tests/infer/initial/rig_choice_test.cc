@@ -85,8 +85,7 @@ Hypothesis Candidate(const Pose& pose, double floor, double names) {
 }
 
 Pose Upright(double yaw_deg, double height) {
-  return Eigen::Translation3d(0, height, 0) *
-         Pose(Eigen::AngleAxisd(yaw_deg * M_PI / 180, Eigen::Vector3d::UnitY()));
+  return MakePose({0, yaw_deg * M_PI / 180, 0}, {0, height, 0});
 }
 
 /// Of a single sensor.

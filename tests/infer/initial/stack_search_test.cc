@@ -84,28 +84,6 @@ TEST_F(SearchStackTest, FindsItWhereItStands) {
   }
 }
 
-TEST_F(SearchStackTest, AnswersEveryGuess) {
-  const Pose truth = Somewhere(60);
-  StandingGuess right = GuessOf(truth);
-  const double foot = right.feet[0];
-  right.feet = {foot - 1.5, foot};  // the second is the right one
-  StandingGuess over = right;
-  over.up = -right.up;
-  over.feet = {-foot - structure_.Height()};
-  StandingGuess nowhere = right;
-  nowhere.feet = {5};
-  const auto found = Search(truth, {over, nowhere, right}, 3);
-  ASSERT_EQ(found.size(), 3u);
-  EXPECT_TRUE(found[1].empty()) << "nothing was measured there";
-  ASSERT_FALSE(found[2].empty());
-  EXPECT_LT(ComparePoses(found[2][0].structure_from_sensor, truth).rotation_deg, 4);
-  // Upside down fewer cells are right.
-  if (!found[0].empty()) {
-    EXPECT_LT(found[0][0].votes, 0.8 * found[2][0].votes);
-  }
-  EXPECT_TRUE(SearchStack({}, outline_, {}, 3).empty());
-}
-
 /// The turn of the room frame from the structure's, rad.
 double YawOf(const Pose& structure_from_sensor, const Eigen::Vector3d& up) {
   const Eigen::Matrix3d turn = RoomFromSensor(up) * structure_from_sensor.linear().transpose();
@@ -135,15 +113,6 @@ TEST_F(SearchStackTest, NoTwoCandidatesAreOne) {
       }
     }
   }
-}
-
-TEST_F(SearchStackTest, GivesAsManyAsAreAskedFor) {
-  const Pose truth = Somewhere(60), beside = Eigen::Translation3d(1.1, 0, 0.7) * truth;
-  std::vector<OrientedPoint> points = SurfaceOf(structure_, truth);
-  for (const OrientedPoint& point : SurfaceOf(structure_, beside)) points.push_back(point);
-  StandingGuess guess = GuessOf(truth);
-  EXPECT_GE(SearchStack(points, outline_, {guess}, 5)[0].size(), 2u) << "it stands there twice";
-  EXPECT_EQ(SearchStack(points, outline_, {guess}, 1)[0].size(), 1u);
 }
 
 // Which of two heights is the floor's is not for the votes to say.

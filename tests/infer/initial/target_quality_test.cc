@@ -47,7 +47,6 @@ TEST(TargetQuality, AStackWithTurnsThatLookAlikeIsPoor) {
   const std::string text = FormatTarget(structure, quality);
   EXPECT_TRUE(Has(text, "poor: from 100 %",
                   "Turned by 90 deg, the stack looks the same from every direction."));
-  EXPECT_TRUE(Has(TargetPicture(structure, quality), ">?</text>"));
 }
 
 TEST(TargetQuality, AStackWithoutThemIsGood) {
@@ -58,10 +57,7 @@ TEST(TargetQuality, AStackWithoutThemIsGood) {
     EXPECT_TRUE(view.sides_fix_pose) << view.phi_deg;
     EXPECT_LT(view.weakest_m, 0.03);
   }
-  const std::string text = FormatTarget(structure, quality);
-  EXPECT_TRUE(Has(text, "good: every view fits one pose"));
-  EXPECT_FALSE(Has(text, "let sensors see the floor"));
-  EXPECT_FALSE(Has(TargetPicture(structure, quality), ">?</text>"));
+  EXPECT_FALSE(Has(FormatTarget(structure, quality), "let sensors see the floor"));
 }
 
 // Of a wall that fills the picture nothing tells where along it the sensor is.
@@ -100,13 +96,6 @@ TEST(TargetQuality, AFacingSideAloneFixesNoPose) {
     EXPECT_FALSE(view.sides_fix_pose);
     EXPECT_LT(view.weakest_m, 0.03) << view.phi_deg;
   }
-}
-
-TEST(TargetPicture, EscapesNames) {
-  const Structure structure =
-      Structure::FromBoxes("s&t", {Box::FromMinMax("a<b", {-0.2, -0.4, -0.2}, {0.2, 0, 0.2})});
-  const std::string picture = TargetPicture(structure, MeasureTarget(structure, FewViews()));
-  EXPECT_TRUE(Has(picture, "<title>a&lt;b</title>", ">s&amp;t as a target"));
 }
 
 TEST(TargetQuality, FartherIsWeaker) {
