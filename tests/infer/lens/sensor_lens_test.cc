@@ -169,16 +169,6 @@ TEST(AssumeLenses, KindsHaveTheLensesOfTheIntrinsicsPool) {
   }
 }
 
-TEST(GivenLenses, AreAsTheyAreGiven) {
-  const std::vector<SensorFrame> frames = {FrameOf("azure_kinect_nfov_binned", {}),
-                                           FrameOf("", {0.1, 0, 0, 0})};
-  const LensSet lenses = GivenLenses(CaptureOf(frames));
-  for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_TRUE(lenses.Effective({0, i}) == frames[i].intrinsics);
-    EXPECT_TRUE(lenses.Of({0, i}).prior_sigmas.isZero());
-  }
-}
-
 TEST(LargestShift, IsTheFarthestThatAnyPixelMoves) {
   Intrinsics wide = Kinect();
   wide.distortion = {-0.2, 0.02, 0, 0};

@@ -87,8 +87,8 @@ TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
 TEST(PlanPicture, NamesAreText) {
   RigPlan plan;
   plan.structure =
-      Structure::FromBoxes("stack", {Box::FromMinMax("a<b & c>d", Eigen::Vector3d(-0.25, 0, -0.2),
-                                                     Eigen::Vector3d(0.25, 0.3, 0.2))});
+      Structure::FromBoxes("s&t", {Box::FromMinMax("a<b & c>d", Eigen::Vector3d(-0.25, 0, -0.2),
+                                                   Eigen::Vector3d(0.25, 0.3, 0.2))});
   PlannedSensor sensor;
   sensor.name = "<S1>";
   sensor.intrinsics = testing_infer::Kinect();
@@ -96,6 +96,8 @@ TEST(PlanPicture, NamesAreText) {
   plan.sensors = {sensor};
   const std::string svg = PlanPicture(plan);
   EXPECT_TRUE(Has(svg, "<title>a&lt;b &amp; c&gt;d</title>", ">&lt;S1&gt;</text>"));
+  EXPECT_TRUE(Has(TargetPicture(plan.structure, Good()), "<title>a&lt;b &amp; c&gt;d</title>",
+                  ">s&amp;t as a target"));
 }
 
 }  // namespace

@@ -175,41 +175,6 @@ TEST(StrideForRays, LeavesAtLeastSoMany) {
   }
 }
 
-Capture EvaluationCaptureOf(const std::string& name, const std::vector<std::string>& sensors) {
-  Capture capture;
-  capture.name = name;
-  for (const std::string& sensor : sensors) {
-    capture.frames.emplace_back();
-    capture.frames.back().name = sensor;
-  }
-  return capture;
-}
-
-TEST(CaptureSet, FramesOfOneNameAreOfOneSensor) {
-  const CaptureSet input({EvaluationCaptureOf("a", {"left", "right"}),
-                          EvaluationCaptureOf("b", {"right", "top", "left"})},
-                         Structure());
-  EXPECT_EQ(input.sensors, (std::vector<std::string>{"left", "right", "top"}));
-  EXPECT_EQ(input.sensor_of.OfCapture(0), (std::vector<std::size_t>{0, 1}));
-  EXPECT_EQ(input.sensor_of.OfCapture(1), (std::vector<std::size_t>{1, 2, 0}));
-  const FrameId top{1, 1};
-  EXPECT_EQ(input[top].name, "top");
-  EXPECT_EQ(input.sensor_of[top], 2u);
-}
-
-TEST(PerFrame, GoesCaptureByCapture) {
-  const PerFrame<int> values({{10, 11}, {}, {20, 21, 22}});
-  const std::vector<FrameId> ids = values.Ids();
-  EXPECT_EQ(ids, (std::vector<FrameId>{{0, 0}, {0, 1}, {2, 0}, {2, 1}, {2, 2}}));
-  for (const int threads : {1, 3}) {
-    const auto doubled = MapFrames(values, threads, [&](FrameId id) { return 2 * values[id]; });
-    EXPECT_EQ(doubled.captures(), 3u);
-    for (const FrameId id : ids) EXPECT_EQ(doubled[id], 2 * values[id]);
-  }
-  EXPECT_LT(ids[1], ids[2]);
-  EXPECT_FALSE(ids[2] < ids[1]);
-}
-
 TEST(PriorErrorsOf, HasTheKindsErrorsButForTheSmoothOne) {
   for (const char* kind : {"realsense_d415", "azure_kinect_nfov_binned", "lidar"}) {
     const DepthErrorModel prior = PriorErrorsOf(kind);

@@ -8,7 +8,6 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <string>
 #include <vector>
 
 #include "core/base/random.h"
@@ -75,19 +74,9 @@ TEST_F(Markers, SidesWhoseCentreAnotherBoxCoversCarryNone) {
     EXPECT_EQ(print.cells.width(), 6);
     EXPECT_EQ(print.cells(0, 0), 0);  // black border
   }
-  for (const char* covered : {"mid_bottom/up", "mid_top/up", "bottom/up"}) {
-    const Side& side = structure_.SideOfLabel(LabelOf(structure_, covered));
-    bool under = false;
-    for (const Box& box : structure_.boxes()) {
-      const Eigen::Vector3d middle = box.structure_from_box.translation();
-      under = under || (middle.y() > side.centre.y() && middle.y() < side.centre.y() + 0.3 &&
-                        std::abs(middle.x() - side.centre.x()) < 0.5 * box.size.x() &&
-                        std::abs(middle.z() - side.centre.z()) < 0.5 * box.size.z());
-    }
-    EXPECT_EQ(labels.count(LabelOf(structure_, covered)), under ? 0u : 1u) << covered;
-  }
-  EXPECT_LT(prints_.size(), 20u);
-  EXPECT_GE(prints_.size(), 17u);
+  for (const char* covered : {"mid_bottom/up", "mid_top/up", "bottom/up"})
+    EXPECT_EQ(labels.count(LabelOf(structure_, covered)), 0u) << covered;
+  EXPECT_EQ(prints_.size(), 17u);
 }
 
 TEST_F(Markers, CornersAndPosesOfANoiseFreeFrame) {

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <filesystem>
 #include <set>
 #include <string>
@@ -14,7 +13,6 @@
 #include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/suite_items.h"
-#include "render/tiles/tile_renderer.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
@@ -96,19 +94,6 @@ TEST(PaperSuite, IsThePapers) {
   EXPECT_EQ(paper_rows(3),
             "markerbased_refined markerless_refined markerbased_initial markerless_initial");
   EXPECT_EQ(NamesOf(suite.tables), "table2 table3 table4 table5 table6 table4_level");
-  for (const SuiteTable& table : suite.tables) {
-    for (const SuiteRow& row : table.rows) {
-      // Means, STDs and RSDs as printed are consistent, but for the arc's RSD.
-      for (std::size_t b = 0; 4 * b < row.paper.size(); ++b) {
-        if (row.paper[4 * b] == "N/A") continue;
-        const double mean = std::stod(row.paper[4 * b]), std = std::stod(row.paper[4 * b + 1]);
-        const double rsd = std::stod(row.paper[4 * b + 2]) / 100;
-        const double step = row.paper[4 * b].back() == '%' ? 0.01 : 1e-4;
-        const bool consistent = std::abs(rsd - std / mean) < 0.51 * step / mean + 0.001;
-        EXPECT_EQ(consistent, table.name != "table5") << table.name << " " << row.label;
-      }
-    }
-  }
 }
 
 class SuiteItemsTest : public testing::Test {
@@ -153,21 +138,6 @@ TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
   EXPECT_EQ(SuiteItems(dataset_, structure_, true, 0)[2].identity, items[2].identity);
   dataset_.captures = {(folder_ / "none.json").string()};
   EXPECT_THROW(SuiteItems(dataset_, structure_, false, 0), IoError);
-}
-
-TEST_F(SuiteItemsTest, AreRenderedWithViewsOfTheirFrames) {
-  const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, false, 0);
-  WorkerRenderer renderer(TileRenderers());
-  const SuiteCapture first = LoadSuiteCapture(items[0], renderer);
-  ASSERT_EQ(first.evaluation.frames.size(), 2u);
-  ASSERT_EQ(first.views.size(), 2u);
-  EXPECT_TRUE(first.infrared.empty());
-  for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(first.views[i].depth, first.evaluation.frames[i].depth);
-    EXPECT_TRUE(first.evaluation.frames[i].ground_truth);
-  }
-  const SuiteCapture third = LoadSuiteCapture(items[2], renderer);
-  EXPECT_FALSE(third.views[0].depth == first.views[0].depth);
 }
 
 /// A network's, of which the file alone counts, markers, and one whose model is missing.
