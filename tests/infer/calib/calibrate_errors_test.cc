@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "infer/calib/calibrate.h"
 #include "tests/infer/calib/calibrate_rig.h"
@@ -60,18 +61,20 @@ TEST(Errors, AFocalLengthThreePercentOffIsNamed) {
   }
 }
 
-// Poses were 12 mm off about the stack's vertical, with standard deviations of 3 mm.
-TEST(Errors, ThatFivePixelsShareAreInTheCovariance) {
+// Poses were 12 mm off about the stack's vertical, with standard deviations of 3 mm. The last one
+// is beyond what the noise model expects, as a badly tuned stereo sensor is.
+TEST(Errors, ThatPixelsShareAreInTheCovariance) {
   double sum = 0;
   int sensors = 0;
-  for (const double smooth_m : {0.004, 0.012}) {
+  for (const auto& [smooth_m, pixels] :
+       {std::pair(0.004, 5), std::pair(0.012, 5), std::pair(0.012, 30)}) {
     for (const std::uint64_t seed : {1, 2}) {
-      const Rig rig = Ring(6, Kinect(), smooth_m, 5, seed);
+      const Rig rig = Ring(6, Kinect(), smooth_m, pixels, seed);
       const CalibrationResult result = CalibrateRig(rig);
       for (std::size_t i = 0; i < rig.frames.size(); ++i) {
         ASSERT_TRUE(result.sensors[i].structure_from_sensor.has_value());
         const double square = SquaredError(result.sensors[i], rig.frames[i]);
-        EXPECT_LT(square, kChi6Of999) << smooth_m << " " << seed << " " << i;
+        EXPECT_LT(square, kChi6Of999) << smooth_m << " " << pixels << " " << seed << " " << i;
         sum += square;
         ++sensors;
       }

@@ -76,7 +76,7 @@ std::vector<RigFinding> PriorFindings(const CalibrationResult& result) {
 }
 
 TEST(CalibratePriors, MakeASymmetricStackUnambiguous) {
-  Rig rig = RowFromBothSides(100);
+  Rig rig = RowInARoom(100);
   for (const FrameResult& sensor : CalibrateByShape(rig.frames, rig.structure).sensors)
     EXPECT_EQ(sensor.code, SensorCode::kAmbiguous) << sensor.name;
   const std::vector<SensorFrame> bare = rig.frames;

@@ -106,11 +106,7 @@ TEST(NextStarts, AreHalfWayForFramesThatTurnBack) {
 
 // Results of single captures, made by hand, and what they say together.
 
-Pose At(double x) {
-  Pose pose = Pose::Identity();
-  pose.translation().x() = x;
-  return pose;
-}
+Pose At(double x) { return MakePose({0, 0, 0}, {x, 0, 0}); }
 
 /// Captures of one sensor, one after the other.
 struct OneSensor {

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -235,6 +234,20 @@ TEST(Judge, ALensThatWasEstimatedIsCalledSo) {
   }
 }
 
+TEST(Judge, ASensorThatDisagreesNamesTheOthersAndWhereTheyWouldHaveIt) {
+  Stages stages;
+  RefusedFit& fit = stages.Refined(2).refused_fit.emplace();
+  fit.structure_from_sensor = RingPose(100);
+  fit.built = stages.rig.structure;
+  stages.joint.frames.at({0, 2}).contradicts = {{0, 0}};
+  const FrameResult sensor = stages.Judge().sensors[2];
+  EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+  EXPECT_EQ(sensor.code, SensorCode::kDisagrees);
+  ASSERT_TRUE(sensor.together.has_value());
+  EXPECT_TRUE(sensor.together->isApprox(RingPose(100)));
+  EXPECT_EQ(sensor.disagrees_with, std::vector<std::string>{"S0"});
+}
+
 TEST(Judge, SensorsInOnePlaceNameEachOther) {
   Stages stages;
   stages.Refined(2).structure_from_sensor = stages.Refined(0).structure_from_sensor;
@@ -244,33 +257,6 @@ TEST(Judge, SensorsInOnePlaceNameEachOther) {
     EXPECT_EQ(result.sensors[i].code, SensorCode::kSamePose);
   }
   EXPECT_TRUE(Has(result.sensors[0].reason, "where S2 stands"));
-}
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-SensorOutcome Placed() {
-  SensorOutcome sensor;
-  sensor.status = SensorStatus::kOk;
-  sensor.structure_from_sensor = Pose::Identity();
-  return sensor;
-}
-
-TEST(CalibrationResult, HasTheWorstVerdictAndCountsPoses) {
-  CalibrationResult result;
-  EXPECT_EQ(result.verdict(), SensorStatus::kOk);
-  EXPECT_EQ(result.placed(), 0);
-  result.findings.resize(1);
-  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
-  result.findings.clear();
-  result.sensors.resize(3);
-  for (FrameResult& sensor : result.sensors) static_cast<SensorOutcome&>(sensor) = Placed();
-  result.sensors[1].status = SensorStatus::kWeak;
-  EXPECT_EQ(result.verdict(), SensorStatus::kWeak);
-  EXPECT_EQ(result.placed(), 3);
-  result.sensors[0].status = SensorStatus::kFailed;
-  result.sensors[0].structure_from_sensor.reset();
-  EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
-  EXPECT_EQ(result.placed(), 2);
 }
 
 }  // namespace
