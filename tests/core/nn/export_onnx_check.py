@@ -1,4 +1,4 @@
-"""Runs what export_onnx_test.cc and parity_test.cc wrote to a folder by ONNX Runtime and by torch.jit.load, without any of our code:
+"""Runs what export_onnx_test.cc wrote to a folder by ONNX Runtime and by torch.jit.load, without any of our code:
 exit 0 if they agree with LibTorch.
 
 A folder has NAME.fp32.onnx, NAME.fp16.onnx, NAME.fp32.ts, NAME.fp16.ts, and of each case the values depth*_BxCxHxW.f32 and
