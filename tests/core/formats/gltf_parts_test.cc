@@ -2,13 +2,15 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "core/formats/structure_gltf.h"
 #include "core/geometry/pose.h"
@@ -71,16 +73,20 @@ TEST(GltfParts, PositionsHaveTheirBounds) {
 
 struct Glb : GlbChunks {
   using GlbChunks::GlbChunks;
+  const json& Item(const char* list, const json& index) const {
+    return document.at(list).at(index.get<std::size_t>());
+  }
+  /// Of a tightly packed accessor. `type`: 5126 for float, 5123 for uint16.
   template <class T>
-  T At(const json& accessor, std::size_t element, std::size_t component,
-       std::size_t components) const {
-    const json& view = document.at("bufferViews").at(accessor.at("bufferView").get<std::size_t>());
-    T value;
-    std::memcpy(&value,
-                binary.data() + view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u) +
-                    (element * components + component) * sizeof(T),
-                sizeof(T));
-    return value;
+  std::vector<T> Values(const json& index, std::size_t components, int type) const {
+    const json& accessor = Item("accessors", index);
+    const json& view = Item("bufferViews", accessor.at("bufferView"));
+    EXPECT_EQ(accessor.at("componentType"), type);
+    std::vector<T> values(accessor.at("count").get<std::size_t>() * components);
+    EXPECT_EQ(view.at("byteLength"), values.size() * sizeof(T));
+    const std::size_t begin = view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u);
+    std::memcpy(values.data(), &binary.at(begin), values.size() * sizeof(T));
+    return values;
   }
 };
 
@@ -100,8 +106,7 @@ Structure RandomStructure() {
   return Structure::FromBoxes("structure", boxes);
 }
 
-// One named node a box, one primitive a side, extras with side, label and
-// keypoints.
+// One named node a box, one primitive a side, extras with side, label and keypoints.
 TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
   const TempFolder folder;
   for (const Structure& structure : {ReadStructure("configs/structure.yaml"), RandomStructure()}) {
@@ -110,24 +115,18 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
     const json& root = glb.document;
     EXPECT_EQ(root.at("asset").at("version"), "2.0");
     ASSERT_EQ(root.at("buffers").size(), 1u);
-    EXPECT_LE(root.at("buffers")[0].at("byteLength").get<std::size_t>(), glb.binary.size());
     EXPECT_FALSE(root.at("buffers")[0].contains("uri"));
-    const json& scene = root.at("scenes").at(root.at("scene").get<std::size_t>());
-    ASSERT_EQ(scene.at("nodes").size(), structure.boxes().size());
-    std::size_t i = 0;
-    for (const json& node_index : scene.at("nodes")) {
-      const json& node = root.at("nodes").at(node_index.get<std::size_t>());
+    const json& nodes = glb.Item("scenes", root.at("scene")).at("nodes");
+    ASSERT_EQ(nodes.size(), structure.boxes().size());
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      const json& node = glb.Item("nodes", nodes[i]);
       const Box& box = structure.boxes().at(i);
       EXPECT_EQ(node.at("name"), box.name);
-      // The node's transform by hand: v' = v + 2 w (q x v) + 2 q x (q x v), plus the translation.
-      const auto q = node.at("rotation").get<std::vector<double>>();
-      const auto t = node.at("translation").get<std::vector<double>>();
-      const Vector3d qv(q[0], q[1], q[2]), translation(t[0], t[1], t[2]);
-      const auto transform = [&](const Vector3d& p) {
-        return Vector3d(p + 2 * q[3] * qv.cross(p) + 2 * qv.cross(qv.cross(p)) + translation);
-      };
-      const json& primitives =
-          root.at("meshes").at(node.at("mesh").get<std::size_t>()).at("primitives");
+      const auto q = node.at("rotation").get<std::array<double, 4>>();
+      const auto t = node.at("translation").get<std::array<double, 3>>();
+      const Pose pose =
+          Eigen::Translation3d(t[0], t[1], t[2]) * Pose(Eigen::Quaterniond(q[3], q[0], q[1], q[2]));
+      const json& primitives = glb.Item("meshes", node.at("mesh")).at("primitives");
       ASSERT_EQ(primitives.size(), 6u);
       for (std::size_t f = 0; f < 6; ++f) {
         const Side& side = structure.sides().at(6 * i + f);
@@ -135,51 +134,39 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
         EXPECT_EQ(box.name + "/" + extras.at("side").get<std::string>(), side.name);
         EXPECT_EQ(extras.at("label").get<int>(), side.label);
         for (int k = 0; k < 3; ++k) {
-          EXPECT_NEAR(extras.at("centre").at(static_cast<std::size_t>(k)).get<double>(),
-                      side.centre[k], 1e-9);
-          EXPECT_NEAR(extras.at("exposed_centroid").at(static_cast<std::size_t>(k)).get<double>(),
-                      side.exposed_centroid[k], 1e-9);
+          EXPECT_NEAR(extras.at("centre").at(k).get<double>(), side.centre[k], 1e-9);
+          EXPECT_NEAR(extras.at("exposed_centroid").at(k).get<double>(), side.exposed_centroid[k],
+                      1e-9);
         }
-        const json& position =
-            root.at("accessors")
-                .at(primitives[f].at("attributes").at("POSITION").get<std::size_t>());
-        const json& index = root.at("accessors").at(primitives[f].at("indices").get<std::size_t>());
-        EXPECT_EQ(position.at("componentType"), 5126);
-        EXPECT_EQ(position.at("type"), "VEC3");
-        ASSERT_EQ(position.at("count"), 4);
-        EXPECT_EQ(index.at("componentType"), 5123);
-        ASSERT_EQ(index.at("count"), 6);
+        const json& attributes = primitives[f].at("attributes");
+        EXPECT_TRUE(glb.Item("accessors", attributes.at("POSITION")).contains("max"));
+        const auto corners = glb.Values<float>(attributes.at("POSITION"), 3, 5126),
+                   normals = glb.Values<float>(attributes.at("NORMAL"), 3, 5126);
+        const auto indices = glb.Values<std::uint16_t>(primitives[f].at("indices"), 1, 5123);
+        ASSERT_EQ(corners.size(), 12u);
+        ASSERT_EQ(normals.size(), 12u);
+        ASSERT_EQ(indices.size(), 6u);
+        const auto vector = [](const std::vector<float>& numbers, std::size_t vertex) {
+          return Vector3d(Eigen::Vector3f(&numbers[3 * vertex]).cast<double>());
+        };
         // Triangles in the structure frame: area, winding (counter-clockwise from outside) and
         // place.
         double area = 0;
-        for (std::size_t triangle = 0; triangle < 2; ++triangle) {
+        for (std::size_t triangle = 0; triangle < 6; triangle += 3) {
           Vector3d p[3];
           for (std::size_t c = 0; c < 3; ++c) {
-            const auto vertex = glb.At<std::uint16_t>(index, 3 * triangle + c, 0, 1);
+            const std::uint16_t vertex = indices[triangle + c];
             ASSERT_LT(vertex, 4);
-            Vector3d local;
-            for (std::size_t k = 0; k < 3; ++k) {
-              local[static_cast<int>(k)] = glb.At<float>(position, vertex, k, 3);
-              EXPECT_LE(local[static_cast<int>(k)], position.at("max").at(k).get<double>() + 1e-9);
-              EXPECT_GE(local[static_cast<int>(k)], position.at("min").at(k).get<double>() - 1e-9);
-            }
-            p[c] = transform(local);
+            p[c] = pose * vector(corners, vertex);
             EXPECT_LT((side.ClosestPoint(p[c]) - p[c]).norm(), 1e-6);
+            EXPECT_LT((pose.linear() * vector(normals, vertex) - side.normal).norm(), 1e-6);
           }
           const Vector3d cross = (p[1] - p[0]).cross(p[2] - p[0]);
           area += cross.norm() / 2;
           EXPECT_GT(cross.normalized().dot(side.normal), 1 - 1e-6) << side.name;
         }
-        const json& normal =
-            root.at("accessors").at(primitives[f].at("attributes").at("NORMAL").get<std::size_t>());
-        for (std::size_t vertex = 0; vertex < 4; ++vertex) {
-          const Vector3d n(glb.At<float>(normal, vertex, 0, 3), glb.At<float>(normal, vertex, 1, 3),
-                           glb.At<float>(normal, vertex, 2, 3));
-          EXPECT_LT((transform(n) - translation - side.normal).norm(), 1e-6);
-        }
         EXPECT_NEAR(area, 4 * side.half_u * side.half_v, 1e-6) << side.name;
       }
-      ++i;
     }
   }
   ExpectError<IoError>(

@@ -374,30 +374,6 @@ TEST(Structure, DisplacedMovesBoxesAndKeepsLabels) {
   ExpectError<Error>([&] { structure.Displaced({Pose::Identity()}); }, {"1 offsets", "4 boxes"});
 }
 
-TEST(Side, ClosestPointAgreesWithDenseSampling) {
-  const Structure structure = PaperStructure();
-  RandomStream random(1, 0, "closest");
-  for (int i = 0; i < 40; ++i) {
-    const Side& side = structure.sides()[static_cast<std::size_t>(random.Below(24))];
-    const Vector3d p{random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)};
-    const Vector3d q = side.ClosestPoint(p);
-    EXPECT_NEAR((q - side.centre).dot(side.normal), 0, 1e-12);
-    EXPECT_LE(std::abs((q - side.centre).dot(side.axis_u)), side.half_u + 1e-12);
-    EXPECT_LE(std::abs((q - side.centre).dot(side.axis_v)), side.half_v + 1e-12);
-    constexpr int kGrid = 200;
-    double best = std::numeric_limits<double>::infinity();
-    for (int a = 0; a <= kGrid; ++a) {
-      for (int b = 0; b <= kGrid; ++b) {
-        const Vector3d s = side.centre + side.half_u * (2.0 * a / kGrid - 1) * side.axis_u +
-                           side.half_v * (2.0 * b / kGrid - 1) * side.axis_v;
-        best = std::min(best, (s - p).norm());
-      }
-    }
-    EXPECT_LE((q - p).norm(), best + 1e-12);
-    EXPECT_GE((q - p).norm(), best - 3e-3);
-  }
-}
-
 TEST(Side, BulgesInItsMiddleAndNotAtItsEdges) {
   const Structure structure = PaperStructure();
   for (const Side& side : structure.sides()) {
