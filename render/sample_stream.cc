@@ -10,12 +10,6 @@ namespace volalign {
 SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const Options& options) {
   if (context == nullptr) throw Error("SampleStream: no context");
   if (!options.make_renderer) throw Error("SampleStream: no renderer");
-  if (options.num_threads < 1 || options.prefetch < 1) {
-    throw Error(
-        fmt::format("SampleStream: num_threads = {} and prefetch = {} violate num_threads >= 1, "
-                    "prefetch >= 1",
-                    options.num_threads, options.prefetch));
-  }
   const auto batch_size = static_cast<std::uint64_t>(context->batch_size);
   if (options.first_index % batch_size != 0) {
     throw Error(fmt::format("SampleStream: first_index = {} is not a multiple of the batch size {}",
@@ -30,10 +24,9 @@ SampleStream::SampleStream(std::shared_ptr<const SampleContext> context, const O
   // Positions count this stream's samples, with `count` per batch.
   const auto count = static_cast<std::uint64_t>(count_);
   const auto make_renderer = [context = std::move(context), options, slice, batch_size, count] {
-    return [context, seed = options.seed, begun = options.begun, drawn = options.drawn,
+    return [context, seed = options.seed, drawn = options.drawn,
             renderer = std::shared_ptr<DepthRenderer>(options.make_renderer()), batch_size, count,
             first = static_cast<std::uint64_t>(slice.first)](std::uint64_t position) {
-      if (begun) ++*begun;
       const std::uint64_t index = position / count * batch_size + first + position % count;
       Sample sample = Synthesize(*context, *renderer, seed, index);
       if (drawn) drawn(sample);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -24,8 +23,6 @@ class SampleStream {
     int num_threads = 1;
     RendererFactory make_renderer = nullptr;  ///< called by each worker thread; required
     BatchSlice slice = {};
-    /// If given, incremented when a sample is begun.
-    std::shared_ptr<std::atomic<std::uint64_t>> begun = nullptr;
     std::function<void(const Sample&)> drawn = nullptr;  ///< called by the worker, for each sample
     int prefetch = 4;
   };

@@ -188,36 +188,31 @@ TEST(Dataset, RefusesToMixSamples) {
   const TempFolder folder;
   WriteDataset(folder.path(), Context(), Options(3));
   const auto before = Files(folder.path());
+  const auto refused = [&](const std::shared_ptr<const SampleContext>& context,
+                           const DatasetOptions& options,
+                           std::initializer_list<std::string> parts) {
+    ExpectError<ConfigError>([&] { WriteDataset(folder.path(), context, options); }, parts);
+  };
   SampleConfig config = SmallConfig();
   config.noise.models = {"paper"};
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(config), Options(5)); },
-                           {folder.path().string(), "data.noise.models = paper (dataset: sensor)"});
+  refused(Context(config), Options(5),
+          {folder.path().string(), "data.noise.models = paper (dataset: sensor)"});
   DatasetOptions options = Options(5);
   options.seed = 4;
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(), options); },
-                           {"seed = 4 (dataset: 3)"});
+  refused(Context(), options, {"seed = 4 (dataset: 3)"});
   options = Options(5);
   options.first_index = 6;
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(), options); },
-                           {"first index = 6 (dataset: 5)"});
-  ExpectError<ConfigError>(
-      [&] {
-        WriteDataset(folder.path(),
-                     std::make_shared<const SampleContext>(MakeSampleContext(SmallConfig(), 8)),
-                     Options(5));
-      },
-      {"batch size = 8 (dataset: 4)"});
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), Context(), Options(2)); },
-                           {"begun for 3", "2 asked for"});
-  auto other = std::make_shared<SampleContext>(MakeSampleContext(SmallConfig(), 4));
+  refused(Context(), options, {"first index = 6 (dataset: 5)"});
+  refused(Context(), Options(2), {"begun for 3", "2 asked for"});
+  auto other = std::make_shared<SampleContext>(MakeSampleContext(SmallConfig(), 8));
+  refused(other, Options(5), {"batch size = 8 (dataset: 4)"});
+  other->batch_size = 4;
+  other->pool[0].intrinsics[0].fx += 1e-9;
+  refused(other, Options(5), {"data.intrinsics"});
+  other = std::make_shared<SampleContext>(*Context());
   other->structure = other->structure.Displaced(
       std::vector<Pose>(other->structure.boxes().size(), Pose::Identity()), 1.01);
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), other, Options(5)); },
-                           {"data.structure"});
-  other = std::make_shared<SampleContext>(MakeSampleContext(SmallConfig(), 4));
-  other->pool[0].intrinsics[0].fx += 1e-9;
-  ExpectError<ConfigError>([&] { WriteDataset(folder.path(), other, Options(5)); },
-                           {"data.intrinsics"});
+  refused(other, Options(5), {"data.structure"});
   const int held = ::open(folder.path().c_str(), O_RDONLY | O_DIRECTORY);
   ASSERT_EQ(::flock(held, LOCK_EX), 0);
   ExpectError<IoError>([&] { WriteDataset(folder.path(), Context(), Options(5)); },

@@ -2,7 +2,7 @@
 // Intrinsics are equal to the last bit: they come from Philox and from arithmetic that IEEE-754
 // fixes. Poses pass through the C library's functions and are equal to 1e-12, images through OpenGL
 // too, so they are compared within bounds:
-//   - depth before a sensor's rounding (noise model paper) within 0.1 mm on 99.9 % of the pixels;
+//   - depth before a sensor's rounding (noise model paper) within 0.2 mm on 99.9 % of the pixels;
 //   - depth in whole millimetres (noise model sensor) equal on 99 %, as the rounding turns the
 //     least difference into a whole step near a half, and within a step on 99.9 %;
 //   - labels equal on 99.9 %.
@@ -35,7 +35,7 @@ namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kSeed = 77;
-constexpr double kFineStep = 2e-5;  // m; 24 bits of it reach 335 m
+constexpr double kStep = 2e-4;  // m, of recorded depths; 16 bits of it reach 13 m
 constexpr double kSensorStep = 1e-3;
 
 struct Case {
@@ -45,9 +45,10 @@ struct Case {
   std::uint64_t index;
 };
 constexpr char kD415[] = "realsense_d415", kAzure[] = "azure_kinect_nfov_binned";
-constexpr Case kCases[] = {{"sensor", kD415, "73x41", 0},  {"sensor", kD415, "73x41", 1},
-                           {"sensor", kAzure, "51x46", 2}, {"sensor", kAzure, "51x46", 3},
-                           {"paper", kD415, "73x41", 4},   {"paper", kAzure, "51x46", 5}};
+constexpr Case kCases[] = {{"sensor", kD415, "73x41", 0},
+                           {"sensor", kAzure, "51x46", 2},
+                           {"paper", kD415, "73x41", 4},
+                           {"paper", kAzure, "51x46", 5}};
 
 fs::path Folder() { return "tests/render/golden"; }
 bool Rounded(const Case& c) { return std::string(c.noise) == "sensor"; }
@@ -71,40 +72,18 @@ class GoldenTest : public testing::Test {
 
   static void Record() {
     fs::remove_all(Folder());
-    Json json = Json::array();
+    std::string lines;  // one of each sample
     for (std::size_t i = 0; i < std::size(kCases); ++i) {
       const Sample& sample = samples_[i];
-      json.push_back({{"name", Stem(kCases[i])},
-                      {"sensor", sample.sensor},
-                      {"intrinsics", DescribedJson(sample.intrinsics, "intrinsics")},
-                      {"structure_from_sensor", ToRows(sample.structure_from_sensor)}});
-      const fs::path depth = Folder() / (Stem(kCases[i]) + "_depth.png");
-      if (Rounded(kCases[i])) {
-        WritePng(depth, FromMetres(sample.depth, kSensorStep));
-      } else {
-        RgbImage packed(sample.depth.width(), sample.depth.height());
-        for (std::size_t k = 0; k < packed.size(); ++k) {
-          const long steps = std::lround(sample.depth[k] / kFineStep);
-          packed[k] = {static_cast<std::uint8_t>(steps >> 16),
-                       static_cast<std::uint8_t>(steps >> 8), static_cast<std::uint8_t>(steps)};
-        }
-        WritePng(depth, packed);
-      }
+      const Json json = {{"name", Stem(kCases[i])},
+                         {"sensor", sample.sensor},
+                         {"intrinsics", DescribedJson(sample.intrinsics, "intrinsics")},
+                         {"structure_from_sensor", ToRows(sample.structure_from_sensor)}};
+      lines += (i > 0 ? ",\n" : "") + json.dump();
+      WritePng(Folder() / (Stem(kCases[i]) + "_depth.png"), FromMetres(sample.depth, kStep));
       WritePng(Folder() / (Stem(kCases[i]) + "_labels.png"), sample.labels);
     }
-    WriteFileAtomically(Folder() / "golden.json", json.dump(1) + "\n");
-  }
-
-  static DepthImage ReadDepth(const Case& c) {
-    const fs::path path = Folder() / (Stem(c) + "_depth.png");
-    if (Rounded(c)) return ToMetres(ReadDepthFile(path), kSensorStep);
-    const RgbImage packed = ReadPngRgb(path);
-    DepthImage depth(packed.width(), packed.height());
-    for (std::size_t k = 0; k < packed.size(); ++k) {
-      depth[k] =
-          static_cast<float>((packed[k].r << 16 | packed[k].g << 8 | packed[k].b) * kFineStep);
-    }
-    return depth;
+    WriteFileAtomically(Folder() / "golden.json", "[" + lines + "]\n");
   }
 
   /// Shares of the pixels whose depth is as recorded, within `tolerance` m.
@@ -112,7 +91,8 @@ class GoldenTest : public testing::Test {
     long equal = 0, all = 0;
     for (std::size_t i = 0; i < std::size(kCases); ++i) {
       if (Rounded(kCases[i]) != rounded) continue;
-      const DepthImage golden = ReadDepth(kCases[i]);
+      const fs::path path = Folder() / (Stem(kCases[i]) + "_depth.png");
+      const DepthImage golden = ToMetres(ReadDepthFile(path), kStep);
       const DepthImage& depth = samples_[i].depth;
       EXPECT_EQ(golden.width(), depth.width());
       EXPECT_EQ(golden.height(), depth.height());
@@ -144,8 +124,8 @@ TEST_F(GoldenTest, PosesAndIntrinsicsAreEqual) {
   }
 }
 
-TEST_F(GoldenTest, DepthIsWithinATenthOfAMillimetre) {
-  const double share = DepthShare(false, 1e-4 + 0.51 * kFineStep);
+TEST_F(GoldenTest, DepthIsWithinTwoTenthsOfAMillimetre) {
+  const double share = DepthShare(false, 1e-4 + 0.51 * kStep);
   RecordProperty("share", std::to_string(share));
   EXPECT_GE(share, 0.999);
 }

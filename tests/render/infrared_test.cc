@@ -4,41 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
-#include "core/geometry/lens.h"
-#include "tests/core/base/pixels.h"
+#include "render/egl/renderers.h"
 
 namespace volalign::infrared_test {
 namespace {
-
-/// Shows the front of a box, the mesh's first face, and nothing else.
-class FrontRenderer : public DepthRenderer {
- public:
-  explicit FrontRenderer(const Side& front) : front_(front) {}
-
-  void Render(const SceneMesh&, const Intrinsics& intrinsics, const Pose& structure_from_sensor,
-              RenderedView* view) override {
-    view->rays = ViewRays(ComputeRays(intrinsics));
-    view->depth = DepthImage(intrinsics.width, intrinsics.height);
-    view->labels = LabelImage(intrinsics.width, intrinsics.height);
-    view->faces = Image16(intrinsics.width, intrinsics.height);
-    const Eigen::Vector3d eye = structure_from_sensor.translation();
-    for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height)) {
-      const Eigen::Vector3d ray =
-          structure_from_sensor.linear() *
-          Eigen::Vector3d(view->rays->at(u, v).x(), view->rays->at(u, v).y(), 1);
-      const double z = front_.normal.dot(front_.centre - eye) / front_.normal.dot(ray);
-      const Eigen::Vector3d p = eye + z * ray;
-      if ((front_.ClosestPoint(p) - p).norm() > 1e-6) continue;
-      view->depth(u, v) = static_cast<float>(z);
-      view->labels(u, v) = front_.label;
-      view->faces(u, v) = 1;
-    }
-  }
-
- private:
-  Side front_;
-};
 
 /// A cube seen from 1 m before its front, a pixel for each centimetre of it.
 class Infrared : public testing::Test {
@@ -48,8 +19,10 @@ class Infrared : public testing::Test {
         Structure::FromBoxes("one", {Box::FromMinMax("box", {-0.2, -0.2, -0.2}, {0.2, 0.2, 0.2})});
     front_ = structure_.SideOfLabel(1);
     mesh_.BeginObject({0.6F, 1.0F, true});
-    mesh_.AppendQuad({front_.centre, front_.centre, front_.centre, front_.centre}, front_.normal,
-                     front_.label);
+    const Eigen::Vector3d u = front_.half_u * front_.axis_u, v = front_.half_v * front_.axis_v;
+    mesh_.AppendQuad({front_.centre - u - v, front_.centre + u - v, front_.centre + u + v,
+                      front_.centre - u + v},
+                     front_.normal, front_.label);
     intrinsics_.width = intrinsics_.height = 80;
     intrinsics_.fx = intrinsics_.fy = 100;
     intrinsics_.cx = intrinsics_.cy = 39.5;
@@ -62,8 +35,7 @@ class Infrared : public testing::Test {
   }
   GreyImage Picture(const std::vector<MarkerPrint>& prints, const InfraredConfig& config,
                     std::uint64_t index = 0) {
-    FrontRenderer renderer(front_);
-    return RenderInfrared(mesh_, structure_, prints, intrinsics_, pose_, config, renderer, 1,
+    return RenderInfrared(mesh_, structure_, prints, intrinsics_, pose_, config, *renderer_, 1,
                           index);
   }
   /// Grey value where the picture shows the front's centre moved along its axes, m.
@@ -80,6 +52,7 @@ class Infrared : public testing::Test {
   Intrinsics intrinsics_;
   Pose pose_;
   InfraredConfig plain_;
+  const std::unique_ptr<DepthRenderer> renderer_ = ChooseRenderers("cpu").make();
 };
 
 TEST_F(Infrared, PrintsReflectTheirShareWhereTheirCellsAre) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <set>
 #include <utility>
 #include <vector>
@@ -101,18 +102,21 @@ TEST_F(NoiseFiguresTest, StereoAxialNoiseAndWarp) {
 
 // Runs of zeros at the left and right border of a plate 1.1 m wide, 1.3 m before a wall 3 m away.
 TEST_F(NoiseFiguresTest, TimeOfFlightEdgeGaps) {
-  double none = 0, few = 0, many = 0, total = 0;
+  double none = 0, few = 0, many = 0, wide = 0, flying = 0, total = 0;
   for (const DepthImage& frame : Frames(kAzure, 3.0, 1.7, 0.55, 600)) {
     for (int v = 80; v < 208; v += 4) {
       for (const int direction : {-1, 1}) {
         int near = direction > 0 ? 230 : 89;
         while (frame(near, v) == 0) near -= direction;
         while (frame(near, v) > 0 && frame(near, v) < 2.0F) near += direction;
-        int gap = 0;
-        for (int u = near; frame(u, v) == 0; u += direction) ++gap;
+        int far = near;
+        while (frame(far, v) == 0) far += direction;
+        const int gap = std::abs(far - near);
+        flying += frame(far, v) < 2.9F;
         none += gap == 0;
         few += gap >= 1 && gap <= 3;
         many += gap > 3;
+        wide += gap > 12;
         ++total;
       }
     }
@@ -121,6 +125,8 @@ TEST_F(NoiseFiguresTest, TimeOfFlightEdgeGaps) {
   EXPECT_WITHIN_10_PERCENT(none / total, 0.33);
   EXPECT_WITHIN_10_PERCENT(few / total, 0.45);
   EXPECT_WITHIN_10_PERCENT(many / total, 0.22);
+  EXPECT_NEAR(flying / total, 0.035, 0.03);  // 2 to 5 % flying pixels
+  EXPECT_LT(wide / total, 0.01);
 }
 
 /// Of the convex hull of the pixels with depth (Andrew's monotone chain), px.

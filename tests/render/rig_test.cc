@@ -26,7 +26,6 @@
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/core/geometry/mesh_shapes.h"
 #include "tests/render/test_scene.h"
 
 namespace volalign::rig_test {
@@ -641,23 +640,6 @@ TEST_F(RigTest, ErrorsNameTheSensor) {
       },
       {"placements[1]", "x_cm: 170", "sensor A"});
   ExpectBad("sensors: [{name: A}]\ndevice_errors: same\n", "persistent");
-}
-
-TEST_F(RigTest, TheCopyOfAMeshNeedsNoOtherFile) {
-  for (const char* ending : {"stl", "glb"}) {
-    const auto file = mesh_shapes::WriteShape(folder_, mesh_shapes::Chair(), ending);
-    folder_.Write("named.yaml", "meshes: [{file: " + file.filename().string() + "}]\n");
-    Rig rig = Parse(kTwo);
-    rig.structure = (folder_ / "named.yaml").string();
-    rig.assembly = {0, 0, 0};
-    const RigCapture capture = RenderOne(rig, renderer_);
-    const auto out = folder_ / ending;
-    WriteCapture(out, capture, "a renderer");
-    std::filesystem::remove(file);
-    const Structure copy = ReadStructure(out / "structure.yaml");
-    EXPECT_EQ(copy.Hash(), capture.structure.Hash());
-    EXPECT_EQ(copy.SideNames(), capture.structure.SideNames());
-  }
 }
 
 }  // namespace
