@@ -45,6 +45,8 @@ class Events(InAFolder):
         for key in ("loss", "loss_seg", "loss_3d", "degenerate", "gradient_norm", "lr", "samples_per_s"):
             tag = ("speed/" if key == "samples_per_s" else "train/") + key
             same(events.Scalars(tag), training, key, tag)
+        for part in ("data", "forward", "loss", "backward", "optim"):
+            same(events.Scalars(f"speed/{part}_s"), [{**row, part: row["step_s"][part]} for row in training], part, part)
         for key in ("loss_seg", "miou", "miou_authors", "posed"):
             same(events.Scalars("validation/" + key), validation, key, "validation/" + key)
         pictures = events.Images("validation/depth, labels, predicted")

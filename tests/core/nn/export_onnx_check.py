@@ -12,8 +12,6 @@ import re
 import sys
 
 import numpy
-import onnxruntime
-import torch
 
 folder = sys.argv[1]
 THREADS = 2
@@ -27,6 +25,8 @@ def values(path):
 
 
 def onnx_runner(path):
+    import onnxruntime
+
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = THREADS
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
@@ -40,8 +40,12 @@ def onnx_runner(path):
 
 
 def script_runner(path):
+    import torch
+
     torch.set_num_threads(THREADS)
-    script = torch.jit.load(path, map_location="cpu")
+    extra = {"volalign.json": ""}
+    script = torch.jit.load(path, map_location="cpu", _extra_files=extra)
+    assert "top/front" in str(extra["volalign.json"]), extra
 
     def run(depth):
         with torch.no_grad():

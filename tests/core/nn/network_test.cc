@@ -13,8 +13,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/model/paper_units.h"
-#include "core/nn/checkpoint.h"
 #include "core/nn/paper_net.h"
 #include "tests/core/base/expect_error.h"
 
@@ -305,24 +303,6 @@ TEST(RegisterNetwork, MakesAKindOfNetwork) {
   EXPECT_THROW(RegisterNetwork("even", nullptr), Error);
   EXPECT_THROW(RegisterNetwork("paper", nullptr), Error);
   EXPECT_FALSE(options == Small());
-}
-
-TEST(PaperNetShapes, AreThoseOfTheNetwork) {
-  for (const Normalization normalization : AllOf(Normalization())) {
-    for (const bool all : {false, true}) {
-      StructureNetOptions options;
-      options.base_channels = 2;
-      options.residual_blocks = all ? 2 : 0;
-      options.attention = all;
-      options.input = all ? InputEncoding::kDepthMask : InputEncoding::kDepth;
-      options.normalization = normalization;
-      std::map<std::string, at::Tensor> tensors;
-      AddModuleTensors(*StructureNet(options), "", &tensors);
-      const auto shapes = PaperNetShapes(options);
-      ASSERT_EQ(shapes.size(), tensors.size());
-      for (const auto& [name, shape] : shapes) EXPECT_EQ(tensors.at(name).sizes(), shape) << name;
-    }
-  }
 }
 
 }  // namespace

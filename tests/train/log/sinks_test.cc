@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -109,60 +108,6 @@ TEST(ProgressSink, SaysHowFarTheRunIs) {
   for (const char* part :
        {"validation at 20:", " 30.0 %  60/200", "mIoU 0.750  7.0", "about 20 seconds left"})
     EXPECT_TRUE(Has(text, part));
-}
-
-std::string BytesIn(const std::filesystem::path& folder) {
-  std::string bytes;
-  for (const auto& entry : std::filesystem::directory_iterator(folder))
-    bytes += ReadFile(entry.path());
-  return bytes;
-}
-
-/// A value as summary.proto has it: field 1, the tag; field 2, a float.
-std::string Scalar(const std::string& tag, float value) {
-  std::string bytes = "\x0a" + std::string(1, static_cast<char>(tag.size())) + tag + "\x15";
-  bytes.resize(bytes.size() + sizeof(value));
-  std::memcpy(bytes.data() + bytes.size() - sizeof(value), &value, sizeof(value));
-  return bytes;
-}
-
-TEST(TensorBoardSink, WritesEachNumberUnderItsTag) {
-  const TempFolder folder;
-  TensorBoardSink sink(folder.path(), "optim:\n  lr: 1\n", 100);
-  TrainRow row;
-  row.samples = 300;
-  row.lr = 0.5;
-  row.samples_per_s = 7;
-  row.mean.loss = 1.5;
-  row.mean.terms["loss_seg"] = 2.5;
-  row.mean.terms["loss_3d"] = 3.5;
-  row.mean.gradient_norm = 4.5;
-  row.mean.times.forward = 5.5;
-  sink.Train(row);
-  ValidationRow validation;
-  validation.samples = 300;
-  validation.result.miou = 0.75;
-  validation.result.keypoint_rmse_m = 0.25;
-  sink.Validation(validation);
-  std::string bytes = BytesIn(folder.path());
-  for (const std::string& part :
-       {Scalar("train/loss", 1.5F), Scalar("train/loss_seg", 2.5F), Scalar("train/loss_3d", 3.5F),
-        Scalar("train/gradient_norm", 4.5F), Scalar("train/lr", 0.5F),
-        Scalar("speed/samples_per_s", 7), Scalar("speed/forward_s", 5.5F),
-        Scalar("validation/miou", 0.75F), std::string("    optim:\n      lr: 1\n"),
-        std::string("\x1a\x0d"
-                    "brain.Event:2")}) {
-    EXPECT_TRUE(Has(bytes, part));
-  }
-  EXPECT_FALSE(Has(bytes, "keypoint_rmse_m"));  // no sample has a pose
-  EXPECT_FALSE(Has(bytes, "predicted"));
-  validation.result.posed = 1;
-  validation.result.examples.push_back(
-      {DepthImage(4, 3, 1.0F), LabelImage(4, 3), LabelImage(4, 3)});
-  sink.Validation(validation);
-  bytes = BytesIn(folder.path());
-  EXPECT_TRUE(Has(bytes, Scalar("validation/keypoint_rmse_m", 0.25F),
-                  "validation/depth, labels, predicted"));
 }
 
 TEST(LabelPictures, HaveARowForEachExample) {
