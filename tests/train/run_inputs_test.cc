@@ -67,9 +67,9 @@ TEST_F(RunInputs, OfSamplesFromElsewhereHaveTheirStructure) {
 }
 
 TEST_F(RunInputs, OfAMeshAreKeptWithoutItsFile) {
-  const fs::path mesh = mesh_shapes::WriteShape(folder_, mesh_shapes::Ell(), "stl");
+  const fs::path mesh = mesh_shapes::WriteObj(folder_, mesh_shapes::Ell());
   for (const fs::path& file :
-       {mesh, folder_.Write("named.yaml", "meshes: [{file: ell.stl, scale: 0.5}]\n")}) {
+       {mesh, folder_.Write("named.yaml", "meshes: [{file: ell.obj, scale: 0.5}]\n")}) {
     fs::remove(run_ / "structure.yaml");
     config_.data.structure = file.string();
     Keep();

@@ -439,10 +439,5 @@ TEST_F(Trainer, SaysWhatToDoWhereMemoryIsShort) {
   EXPECT_TRUE(Resume().finished);
 }
 
-TEST_F(Trainer, RejectsAnUnknownDevice) {
-  config_.run.device = "tpu";
-  ExpectError<ConfigError>([&] { Run("run"); }, {"run.device", "tpu"});
-}
-
 }  // namespace
 }  // namespace volalign::trainer_test

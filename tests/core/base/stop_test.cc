@@ -147,26 +147,6 @@ int StatusOf(const std::function<void()>& work, std::string* said) {
   for (;;) ::pause();
 }
 
-TEST(EndOnInterrupt, LeavesNothingUnfinished) {
-  const TempFolder folder;
-  std::string said;
-  for (const int number : {SIGINT, SIGTERM}) {
-    const auto work = [&] {
-      EndOnInterrupt();
-      const Unfinished draft([&] {
-        std::filesystem::create_directory(folder / "draft");
-        return folder / "draft";
-      });
-      folder.Write("draft/a", "half");
-      std::raise(number);
-      WaitForEver();
-    };
-    EXPECT_EQ(StatusOf(work, &said), 128 + number);
-    EXPECT_EQ(said, number == SIGINT ? "stopped by Ctrl-C (SIGINT)\n" : "stopped by SIGTERM\n");
-    EXPECT_FALSE(std::filesystem::exists(folder / "draft"));
-  }
-}
-
 TEST(EndOnInterrupt, DoesWithoutAThread) {
   std::string said;
   const auto work = [] {
