@@ -17,8 +17,7 @@ int main(int argc, char** argv) {
     const std::filesystem::path folder = argv[1];
     std::filesystem::create_directories(folder);
     for (const volalign::mesh_shapes::Shape& shape : volalign::mesh_shapes::TenShapes())
-      std::ofstream(folder / (shape.name + ".glb"), std::ios::binary)
-          << volalign::mesh_shapes::Glb(shape);
+      std::ofstream(folder / (shape.name + ".obj")) << volalign::mesh_shapes::Obj(shape);
     return 0;
   });
 }

@@ -1,13 +1,11 @@
 #pragma once
 
-// Closed meshes as targets, and their files: glTF, OBJ, PLY and STL.
+// Closed meshes as targets, and their files.
 
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <string>
 #include <utility>
@@ -238,11 +236,6 @@ inline Structure StructureOf(const Shape& shape) {
   return Structure::FromBoxes(shape.name, std::move(parts));
 }
 
-template <class T>
-void AppendBytes(const T& value, std::string* bytes) {
-  bytes->append(reinterpret_cast<const char*>(&value), sizeof value);  // little-endian hosts
-}
-
 inline std::string Obj(const Shape& shape) {
   std::string text;
   int first = 1;
@@ -257,114 +250,8 @@ inline std::string Obj(const Shape& shape) {
   return text;
 }
 
-/// All parts as one, for formats without parts, z up as they have it.
-inline Solid ZUp(const Shape& shape) {
-  Solid all = Joined(shape.name, shape.parts);
-  for (Vector3d& p : all.vertices) p = {p.x(), -p.z(), p.y()};
-  return all;
-}
-
-inline std::string Ply(const Shape& shape) {
-  const Solid all = ZUp(shape);
-  std::string text = fmt::format(
-      "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "
-      "float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
-      all.vertices.size(), all.triangles.size());
-  for (const Vector3d& p : all.vertices)
-    text += fmt::format("{:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
-  for (const auto& t : all.triangles) text += fmt::format("3 {} {} {}\n", t[0], t[1], t[2]);
-  return text;
-}
-
-inline std::string Stl(const Shape& shape, bool is_binary) {
-  const Solid all = ZUp(shape);
-  std::string bytes = is_binary ? std::string(80, ' ') : "solid " + shape.name + "\n";
-  if (is_binary) AppendBytes(static_cast<std::uint32_t>(all.triangles.size()), &bytes);
-  for (const auto& t : all.triangles) {
-    const auto at = [&](std::size_t k) { return all.vertices[static_cast<std::size_t>(t[k])]; };
-    const Vector3d normal = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
-    if (!is_binary)
-      bytes += fmt::format("facet normal {:g} {:g} {:g}\nouter loop\n", normal.x(), normal.y(),
-                           normal.z());
-    const auto add = [&](const Vector3d& p) {
-      if (!is_binary) bytes += fmt::format("vertex {:.9g} {:.9g} {:.9g}\n", p.x(), p.y(), p.z());
-      for (int axis = 0; is_binary && axis < 3; ++axis)
-        AppendBytes(static_cast<float>(p[axis]), &bytes);
-    };
-    if (is_binary) add(normal);
-    for (std::size_t k = 0; k < 3; ++k) add(at(k));
-    bytes += is_binary ? std::string(2, '\0') : "endloop\nendfacet\n";
-  }
-  return is_binary ? bytes : bytes + "endsolid " + shape.name + "\n";
-}
-
-/// glTF's document, a node for each part, and its buffer.
-inline std::pair<std::string, std::string> Gltf(const Shape& shape, const std::string& uri) {
-  std::string buffer, nodes, indices, meshes, views, accessors;
-  const auto view = [&](std::size_t begin, const std::string& accessor) {
-    const char* comma = views.empty() ? "" : ",";
-    views += fmt::format(R"({}{{"buffer":0,"byteOffset":{},"byteLength":{}}})", comma, begin,
-                         buffer.size() - begin);
-    accessors += comma + accessor;
-  };
-  for (std::size_t i = 0; i < shape.parts.size(); ++i) {
-    const Solid& part = shape.parts[i];
-    Eigen::AlignedBox3d bounds;
-    std::size_t begin = buffer.size();
-    for (const Vector3d& p : part.vertices) {
-      bounds.extend(p.cast<float>().cast<double>());
-      for (const double x : p) AppendBytes(static_cast<float>(x), &buffer);
-    }
-    const Vector3d low = bounds.min(), high = bounds.max();
-    view(begin, fmt::format(R"({{"bufferView":{},"componentType":5126,"count":{},"type":"VEC3",)"
-                            R"("min":[{},{},{}],"max":[{},{},{}]}})",
-                            2 * i, part.vertices.size(), low.x(), low.y(), low.z(), high.x(),
-                            high.y(), high.z()));
-    begin = buffer.size();
-    for (const auto& t : part.triangles)
-      for (const int vertex : t) AppendBytes(static_cast<std::uint32_t>(vertex), &buffer);
-    view(begin,
-         fmt::format(R"({{"bufferView":{},"componentType":5125,"count":{},"type":"SCALAR"}})",
-                     2 * i + 1, 3 * part.triangles.size()));
-    const char* comma = i > 0 ? "," : "";
-    indices += fmt::format("{}{}", comma, i);
-    nodes += fmt::format(R"({}{{"name":"{}","mesh":{}}})", comma, part.name, i);
-    meshes += fmt::format(R"({}{{"primitives":[{{"attributes":{{"POSITION":{}}},"indices":{}}}]}})",
-                          comma, 2 * i, 2 * i + 1);
-  }
-  return {fmt::format(R"({{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[{}]}}],)"
-                      R"("nodes":[{}],"meshes":[{}],"bufferViews":[{}],"accessors":[{}],)"
-                      R"("buffers":[{{{}"byteLength":{}}}]}})",
-                      indices, nodes, meshes, views, accessors,
-                      uri.empty() ? "" : fmt::format(R"("uri":"{}",)", uri), buffer.size()),
-          buffer};
-}
-
-inline std::string Glb(const Shape& shape) {
-  auto [json, buffer] = Gltf(shape, "");
-  json.resize((json.size() + 3) / 4 * 4, ' ');
-  buffer.resize((buffer.size() + 3) / 4 * 4, '\0');
-  std::string bytes = "glTF";
-  const auto size = [](std::size_t n) { return static_cast<std::uint32_t>(n); };
-  AppendBytes(std::uint32_t{2}, &bytes);
-  AppendBytes(size(28 + json.size() + buffer.size()), &bytes);
-  AppendBytes(size(json.size()), &bytes);
-  bytes += "JSON" + json;
-  AppendBytes(size(buffer.size()), &bytes);
-  return bytes + std::string("BIN\0", 4) + buffer;
-}
-
-/// Writes NAME.glb, .gltf, .obj, .ply or .stl by the ending; "ascii.stl" is a text.
-inline std::filesystem::path WriteShape(const TempFolder& folder, const Shape& shape,
-                                        const std::string& ending) {
-  const std::string name = shape.name + "." + ending;
-  if (ending == "glb") return folder.Write(name, Glb(shape));
-  if (ending == "obj") return folder.Write(name, Obj(shape));
-  if (ending == "ply") return folder.Write(name, Ply(shape));
-  if (ending != "gltf") return folder.Write(name, Stl(shape, ending == "stl"));
-  const auto [json, buffer] = Gltf(shape, shape.name + ".bin");
-  folder.Write(shape.name + ".bin", buffer);
-  return folder.Write(name, json);
+inline std::filesystem::path WriteObj(const TempFolder& folder, const Shape& shape) {
+  return folder.Write(shape.name + ".obj", Obj(shape));
 }
 
 }  // namespace volalign::mesh_shapes
