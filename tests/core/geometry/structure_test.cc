@@ -13,7 +13,6 @@
 #include "core/base/random.h"
 #include "core/geometry/stack_faults.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::structure_test {
@@ -34,60 +33,6 @@ const Side& SideNamed(const Structure& structure, const std::string& name) {
     if (side.name == name) return side;
   }
   throw std::runtime_error("no side " + name);
-}
-
-struct Exposure {
-  double area = 0;
-  Vector3d centroid = Vector3d::Zero();
-};
-
-/// Midpoints of a grid of n x n cells over the side, each looked up in every other box: covered
-/// where the point just above the side lies inside one. The extents come from the box, not from the
-/// side.
-Exposure BruteForceExposure(const Structure& structure, const Side& side, int n) {
-  const Box& own = structure.boxes()[static_cast<std::size_t>(side.box)];
-  const Eigen::Matrix3d r = own.structure_from_box.linear();
-  const Vector3d normal = FaceNormal(side.face());
-  int axis = 0;
-  normal.cwiseAbs().maxCoeff(&axis);
-  const int a = (axis + 1) % 3, b = (axis + 2) % 3;
-  Exposure exposure;
-  const double cell = own.size[a] * own.size[b] / n / n;
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) {
-      Vector3d local = normal * own.size[axis] / 2;
-      local[a] = own.size[a] * ((i + 0.5) / n - 0.5);
-      local[b] = own.size[b] * ((j + 0.5) / n - 0.5);
-      const Vector3d p = own.structure_from_box * local, above = p + 1e-3 * (r * normal);
-      bool covered = false;
-      for (std::size_t k = 0; k < structure.boxes().size(); ++k) {
-        if (static_cast<int>(k) == side.box) continue;
-        const Box& box = structure.boxes()[k];
-        const Vector3d q = box.structure_from_box.linear().transpose() *
-                           (above - box.structure_from_box.translation());
-        covered =
-            covered || (std::abs(q.x()) < box.size.x() / 2 && std::abs(q.y()) < box.size.y() / 2 &&
-                        std::abs(q.z()) < box.size.z() / 2);
-      }
-      if (covered) continue;
-      exposure.area += cell;
-      exposure.centroid += cell * p;
-    }
-  }
-  if (exposure.area > 0) exposure.centroid /= exposure.area;
-  return exposure;
-}
-
-/// Areas and first moments: the centroid of a sliver says little.
-void ExpectExposureAsBruteForce(const Structure& structure, int n, double tolerance) {
-  for (const Side& side : structure.sides()) {
-    const Exposure expected = BruteForceExposure(structure, side, n);
-    EXPECT_NEAR(side.exposed_area, expected.area, tolerance) << side.name;
-    if (expected.area == 0) continue;
-    const Vector3d moment = side.exposed_area * (side.exposed_centroid - side.centre);
-    EXPECT_LT((moment - expected.area * (expected.centroid - side.centre)).norm(), tolerance / 2)
-        << side.name;
-  }
 }
 
 // Names in the order of configs/structure.yaml, written out once more.
@@ -142,11 +87,6 @@ TEST(PaperStructure, HeightsCentresNormalsAndExtents) {
   }
 }
 
-TEST(PaperStructure, ExposedAreasAgreeWithAGrid) {
-  // Cells of 0.555 m / 400.
-  ExpectExposureAsBruteForce(PaperStructure(), 400, 1e-3);
-}
-
 // mid_bottom/up is 330 x 555 mm; mid_top covers x in [-280, 50], z in [-165, 165]; what stays is
 // z in [-390, -165].
 TEST(PaperStructure, ExposedCentroidInClosedForm) {
@@ -180,27 +120,6 @@ TEST(Structure, YawedBoxesKeepTheirCentreAndTurn) {
   EXPECT_NEAR(up.exposed_area, 0.6 * 0.4 - 0.4 * 0.2, 1e-4);
   EXPECT_LT((up.exposed_centroid - Vector3d(0.05 * 0.08 / 0.16, 0.4, 0)).norm(), 2e-4);
   EXPECT_NEAR(SideNamed(structure, "b/down").exposed_area, 0, 1e-6);
-  ExpectExposureAsBruteForce(structure, 500, 1e-3);
-}
-
-// Boxes at random yaws that stand on each other, hang over and stick into each other.
-TEST(Structure, RandomStacksAgreeWithAGrid) {
-  for (std::uint64_t index = 0; index < Rounds(2, 6); ++index) {
-    RandomStream random(1, index, "stack");
-    std::vector<Box> boxes;
-    for (int b = 0; b < 4; ++b) {
-      const int level = b / 2;
-      Box box;
-      box.name = "box" + std::to_string(b);
-      box.size = {random.Uniform(0.2, 0.6), 0.3, random.Uniform(0.2, 0.6)};
-      box.structure_from_box.translation() =
-          Vector3d{random.Uniform(-0.2, 0.2), 0.15 + 0.3 * level, random.Uniform(-0.2, 0.2)};
-      box.structure_from_box.linear() = RotationExp({0, random.Uniform(-1, 1), 0});
-      boxes.push_back(box);
-    }
-    SCOPED_TRACE(index);
-    ExpectExposureAsBruteForce(Structure::FromBoxes("random", boxes), 300, 2e-3);
-  }
 }
 
 TEST(Structure, CoversToAMillimetre) {
@@ -362,7 +281,6 @@ TEST(Structure, DisplacedMovesBoxesAndKeepsLabels) {
     EXPECT_NEAR(after.half_u, 1.01 * before.half_u, 1e-12);
     EXPECT_NEAR(after.half_v, 1.01 * before.half_v, 1e-12);
   }
-  ExpectExposureAsBruteForce(moved, 300, 2e-3);
   EXPECT_EQ(structure.Displaced(std::vector<Pose>(4, Pose::Identity())).Hash(), structure.Hash());
   const Structure drawn = structure.DisplacedToDraw(offsets, 1.01);
   EXPECT_EQ(drawn.Hash(), moved.Hash());
@@ -545,15 +463,6 @@ TEST(FindStackFaults, DoubtsGapsAndUnits) {
               {"gap of 20 mm between boxes 'low' and 'a'"});
   ExpectFault({MakeBox("cm", {0, 0, 0}, {0.04, 0.03, 0.05})}, false, {"40 x 30 x 50 mm", "unit"});
   ExpectFault({MakeBox("large", {0, 0, 0}, {40, 3, 5})}, false, {"unit"});
-}
-
-TEST(ReadStructureYaml, RefusesAStackThatCannotBe) {
-  const TempFolder folder;
-  folder.Write("s.yaml",
-               "boxes:\n  - {name: a, x: [0, 500], y: [0, 400], z: [0, 300]}\n"
-               "  - {name: b, x: [0, 500], y: [1000, 1400], z: [0, 300]}\n");
-  ExpectError<ConfigError>([&] { ReadStructure((folder / "s.yaml").string()); },
-                           {"s.yaml: box 'b' stands on nothing", "600 mm above box 'a'"});
 }
 
 }  // namespace
