@@ -19,6 +19,7 @@ import sys
 
 from common import D415, KINECT, run
 from grey_png import read_png
+import accuracy
 
 SENSORS = [KINECT, "kinect_v2", "kinect_v1", D415]
 MOST_OFF_M, MOST_OFF_DEG = 0.10, 5  # of a pose that is not wrong
@@ -113,10 +114,7 @@ def distance(found, truth):
 
 
 def quantiles(values):
-    values = sorted(v for v in values if not math.isnan(v))
-    if not values:
-        return "-"
-    return " / ".join(f"{values[min(len(values) - 1, int(q * len(values)))]:.1f}" for q in (0.5, 0.95, 1))
+    return accuracy.quantiles(values, (0.5, 0.95, 1))
 
 
 def print_table(rows, sensors):

@@ -7,7 +7,7 @@ CAUSE_SHARES is the program of tests/bench/cause_shares.cc, ACCURACY_FOLDER what
 (out/accuracy/HASH, after --parts foreign,real). Frames of an independent simulator and real ones are asked, those in VOLALIGN_CAPTURES.
 Printed: the mean shares of the causes at right poses; for each share by which right and wrong poses are told apart, the parameters of its
 two beta distributions and how well it tells them; and what each factor of the likelihood is worth where a sensor's right pose competes with
-its wrong ones, the others being where they are. Needs NumPy; runs from the root of the project.
+its wrong ones, the others being where they are. Needs NumPy and SciPy; runs from the root of the project.
 
 The parameters are the most probable ones under the prior of Gelman et al., "Bayesian Data Analysis", section 5.3, which is proportional
 to (a + b)^-5/2: without a prior, shares that never vary by more than few cells do would be taken not to vary at all.
@@ -21,6 +21,8 @@ import pathlib
 import subprocess
 
 import numpy as np
+from scipy import optimize
+from scipy.special import gammaln
 
 CAUSES = ["surface", "before", "behind", "missing"]
 # What is told by which share: cells for a pose and against it, of the columns of causes, named so, named otherwise, labelled on the structure.
@@ -46,29 +48,16 @@ def runs(captures, folder):
         yield PAPER, captures / OTHER, folder.parent / f"real_{name}" / "capture.json", with_model(f"real_{name}"), MODEL
 
 
-log_gamma = np.vectorize(math.lgamma)
-
-
 def log_probability(parameters, counts):
     """Of each row of counts, as ShareModel::LogProbability has it."""
-    return (log_gamma(parameters.sum()) - log_gamma(parameters.sum() + counts.sum(1))
-            + (log_gamma(parameters + counts) - log_gamma(parameters)).sum(1))
+    return (gammaln(parameters.sum()) - gammaln(parameters.sum() + counts.sum(1))
+            + (gammaln(parameters + counts) - gammaln(parameters)).sum(1))
 
 
 def fit(counts):
-    """Steps in the parameters' logarithms, of one or both, ever smaller, as long as one of them helps."""
-    def value(logs):
-        return log_probability(np.exp(logs), counts).sum() - 2.5 * np.log(np.exp(logs).sum())
-    logs, step = np.zeros(2), 1.0
-    best = value(logs)
-    while step > 1e-3:
-        tried = [logs + step * np.array(way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, -1))]
-        values = [value(each) for each in tried]
-        if max(values) > best:
-            best, logs = max(values), tried[int(np.argmax(values))]
-        else:
-            step /= 2
-    return np.exp(logs)
+    def cost(logs):
+        return 2.5 * np.log(np.exp(logs).sum()) - log_probability(np.exp(logs), counts).sum()
+    return np.exp(optimize.minimize(cost, np.zeros(2), method="Nelder-Mead").x)
 
 
 def quantiles(values, digits):

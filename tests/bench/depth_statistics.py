@@ -8,6 +8,7 @@ Frames of captures belong to the kind of sensor that their capture names, else t
 - edges: two neighbours with depth, in a row or column, whose depths differ by more than 300 mm, perhaps with a gap of pixels without depth between them;
 - flying pixels lie between two surfaces, at 20 to 80 % of the way;
 - local residual: lower quartile over 9x9 windows without holes of the root mean square about the plane that fits them (one in inverse depth).
+Needs SciPy.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import collections
 import itertools
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 import volalign
 
@@ -34,16 +36,8 @@ def rays_of(k):
 
 
 def hull_area(valid):
-    points = sorted({(u + du, v + dv) for u in np.flatnonzero(valid.any(0)) for v in np.flatnonzero(valid[:, u])[[0, -1]] for du in (-0.5, 0.5) for dv in (-0.5, 0.5)})
-    twice = 0
-    for chain in (points, points[::-1]):
-        hull = []
-        for point in chain:
-            while len(hull) > 1 and np.linalg.det([np.subtract(hull[-1], hull[-2]), np.subtract(point, hull[-2])]) <= 0:
-                hull.pop()
-            hull.append(point)
-        twice += sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(hull, hull[1:]))
-    return twice / 2
+    ends = [(u, v) for u in np.flatnonzero(valid.any(0)) for v in np.flatnonzero(valid[:, u])[[0, -1]]]
+    return ConvexHull([(u + du, v + dv) for u, v in ends for du in (-0.5, 0.5) for dv in (-0.5, 0.5)]).volume  # in two dimensions, the area
 
 
 def edges_of(line, gaps):

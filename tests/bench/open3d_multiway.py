@@ -6,7 +6,7 @@ normals, pairwise point-to-plane ICP from coarse to fine, pose graph, global opt
 initial poses. Open3D knows no structure, so its absolute frame is free: every method's poses, ours too, are aligned
 with the true ones as a set before absolute errors are taken; relative errors between sensors need no alignment.
 
-Needs Debian's python3-open3d (run with /usr/bin/python3), numpy and a built volalign. One command prints the table:
+Needs Debian's python3-open3d and python3-opencv (run with /usr/bin/python3), numpy and a built volalign. One command prints the table:
 
     /usr/bin/python3 tests/bench/open3d_multiway.py --program build/release/cli/volalign --model models/m05-lite.safetensors \\
         --rig configs/rig_ring8.yaml --seeds 1000:1003 -o out/open3d
@@ -20,6 +20,7 @@ import re
 import sys
 import time
 
+import cv2
 import numpy as np
 import open3d as o3d
 
@@ -37,26 +38,12 @@ SETTINGS = {
 
 
 def rays_of(k):
-    """x/z and y/z of every pixel: OpenCV's model, inverted by Newton's method with numerical derivatives."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = (list(k.get("distortion", [])) + 8 * [0.0])[:8]
-
-    def bend(x, y):
-        r2 = x * x + y * y
-        radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
-        return (x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y)
-
-    u, v = np.meshgrid(np.arange(k["width"]), np.arange(k["height"]))
-    seen_x, seen_y = (u - k["cx"]) / k["fx"], (v - k["cy"]) / k["fy"]
-    x, y, h = seen_x.copy(), seen_y.copy(), 1e-6
-    for _ in range(20):
-        bent_x, bent_y = bend(x, y)
-        (right_x, right_y), (down_x, down_y) = bend(x + h, y), bend(x, y + h)
-        a, b, c, d = (right_x - bent_x) / h, (down_x - bent_x) / h, (right_y - bent_y) / h, (down_y - bent_y) / h
-        miss_x, miss_y, det = seen_x - bent_x, seen_y - bent_y, a * d - b * c
-        x, y = x + (d * miss_x - b * miss_y) / det, y + (a * miss_y - c * miss_x) / det
-    if np.hypot(*(np.array(bend(x, y)) - (seen_x, seen_y))).max() > 1e-6:
-        raise SystemExit("the distortion coefficients cannot be inverted")
-    return x, y
+    """x/z and y/z of every pixel."""
+    u, v = np.meshgrid(np.arange(k["width"], dtype=float), np.arange(k["height"]))
+    matrix = np.array([[k["fx"], 0, k["cx"]], [0, k["fy"], k["cy"]], [0, 0, 1]])
+    lens, until = np.array(k.get("distortion") or [0.0] * 4), (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+    rays = cv2.undistortPointsIter(np.dstack([u, v]).reshape(-1, 1, 2), matrix, lens, np.eye(3), np.eye(3), until)
+    return np.moveaxis(rays.reshape(*u.shape, 2), 2, 0)
 
 
 def read_capture(folder):

@@ -17,7 +17,7 @@ def write_list(capture, folder):
     with open(path, "w", encoding="utf-8") as lines:
         for sensor in sensors:
             rows = read_png(os.path.join(os.path.dirname(capture), sensor["depth"]))
-            width, height, depth = len(rows[0]), len(rows), [value for row in rows for value in row]
+            (height, width), depth = rows.shape, rows.ravel().tolist()
             pgm = os.path.join(folder, sensor["name"] + ".pgm")
             with open(pgm, "wb") as file:
                 file.write(b"P5 %d %d 65535\n" % (width, height) + struct.pack(f">{len(depth)}H", *depth))
