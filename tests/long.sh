@@ -11,7 +11,7 @@ declare -A commands=(
   [coverage]=tests/long/coverage.sh
   [tsan]=tests/long/tsan.sh
   [tests]='env VOLALIGN_LONG=1 ./test.sh'  # with all that they draw by chance
-  [kills]='env VOLALIGN_KILLS=200 ./test.sh -R ^(cli/stopped|train/kill|core/base/file_util|infer/report/export|render/dataset)$'
+  [kills]='env VOLALIGN_KILLS=200 ./test.sh -R ^(train/kill|core/base/file_util|infer/report/export|render/dataset)$'
   [sanitize]=tests/sanitize.sh
   [tidy]='tests/tidy.sh --all'
   [fuzz]='tests/fuzz/run.sh 600'

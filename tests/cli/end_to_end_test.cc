@@ -25,6 +25,7 @@
 #include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/checks/verdict.h"
+#include "infer/evaluate/items.h"
 #include "infer/report/report.h"
 #include "infer/segment/load.h"
 #include "render/egl/egl_context.h"
@@ -45,20 +46,6 @@ std::filesystem::path CapturesFolder() {
   return folder && *folder ? folder : "../shared/captures";
 }
 
-std::vector<SensorFrame> Frames(const RigCapture& capture) {
-  std::vector<SensorFrame> frames;
-  for (const CapturedSensor& sensor : capture.sensors) {
-    SensorFrame frame;
-    frame.name = sensor.name;
-    frame.depth = sensor.depth;
-    frame.intrinsics = sensor.stated_intrinsics;
-    frame.sensor = sensor.sensor;
-    if (capture.structure_present) frame.ground_truth = sensor.structure_from_sensor;
-    frames.push_back(std::move(frame));
-  }
-  return frames;
-}
-
 CalibrationResult CalibrateFrames(const std::vector<SensorFrame>& frames,
                                   const CalibrateOptions& options = {}) {
   static const std::unique_ptr<NetworkSegmenter> segmenter = LoadNetworkSegmenter(kModel);
@@ -72,8 +59,8 @@ CalibrationResult CalibrateWithoutAModel(const std::vector<SensorFrame>& frames)
 
 // The bounds of this file are one and a half times the largest error that was measured over the
 // sensors of the same test when they were set: 15.7 mm and 0.38 deg for the rig as shipped, 13.8
-// mm and 0.31 deg (7.4 mm in the median) for its other seeds, 16.6 mm and 0.40 deg with a sensor
-// less, 18.0 mm and 0.47 deg for two neighbours of a wrong focal length.
+// mm and 0.31 deg (7.4 mm in the median) for its other seeds, 18.0 mm and 0.47 deg for two
+// neighbours of a wrong focal length.
 void ExpectWithin(const FrameResult& sensor, double translation_m, double rotation_deg,
                   const std::string& where) {
   ASSERT_TRUE(sensor.error.has_value()) << where << " " << sensor.name << ": " << sensor.reason;
@@ -82,33 +69,30 @@ void ExpectWithin(const FrameResult& sensor, double translation_m, double rotati
 
 class EndToEnd : public testing::Test {
  protected:
-  RigCapture Render(const Rig& rig) { return RenderPlacements(rig, renderer_).front(); }
+  std::vector<SensorFrame> Render(const Rig& rig) {
+    return EvaluationCaptureOf(RenderPlacements(rig, renderer_)).frames;
+  }
 
   EglContext egl_;
   GlDepthRenderer renderer_;
 };
 
-TEST_F(EndToEnd, NoisyRingOfEightIsPlaced) {
-  const Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-  const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
-  EXPECT_EQ(result.placed(), 8) << FormatReport(result);
-  for (const FrameResult& sensor : result.sensors) ExpectWithin(sensor, 0.0235, 0.57, "");
-  ASSERT_TRUE(result.assembly.has_value());
-  EXPECT_FALSE(result.assembly->altered());
-}
-
-/// Other rooms and other noise: docs/results.md has the distribution.
-TEST_F(EndToEnd, OtherNoisyRingsArePlaced) {
+/// As shipped, and in other rooms with other noise: docs/results.md has the distribution.
+TEST_F(EndToEnd, NoisyRingsOfEightArePlaced) {
   Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
   std::vector<double> errors;
-  for (const std::uint64_t seed : {2, 3}) {
+  const std::uint64_t shipped = rig.seed;
+  for (const std::uint64_t seed : {shipped, std::uint64_t{2}, std::uint64_t{3}}) {
     rig.seed = seed;
-    const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
+    const CalibrationResult result = CalibrateFrames(Render(rig));
     EXPECT_EQ(result.placed(), 8) << "seed " << seed << "\n" << FormatReport(result);
     for (const FrameResult& sensor : result.sensors) {
-      ExpectWithin(sensor, 0.021, 0.49, "seed " + std::to_string(seed));
+      ExpectWithin(sensor, seed == shipped ? 0.0235 : 0.021, seed == shipped ? 0.57 : 0.49,
+                   "seed " + std::to_string(seed));
       if (sensor.error) errors.push_back(sensor.error->translation_m);
     }
+    ASSERT_TRUE(result.assembly.has_value());
+    EXPECT_FALSE(result.assembly->altered());
   }
   EXPECT_LT(Summarise(errors).median, 0.0112);
 }
@@ -130,51 +114,25 @@ Rig SingleSensorRig(std::uint64_t seed) {
   return rig;
 }
 
-TEST_F(EndToEnd, ARoomWithoutTheStructureFails) {
+TEST_F(EndToEnd, ASensorThatSeesNoStructureFails) {
   for (std::uint64_t seed = 1000; seed < 1000 + Rounds(10, 50); ++seed) {
-    Rig rig = SingleSensorRig(seed);
-    rig.structure_present = false;
-    const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
-    EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed) << "seed " << seed << "\n"
-                                                               << FormatReport(result);
-    EXPECT_NE(result.sensors[0].code, SensorCode::kNone);
-    EXPECT_FALSE(result.sensors[0].reason.empty());
-    EXPECT_FALSE(result.sensors[0].hint.empty());
-  }
-}
-
-TEST_F(EndToEnd, ARoomWithoutTheStructureFailsWithoutAModel) {
-  for (std::uint64_t seed = 1000; seed < 1006; ++seed) {
-    Rig rig = SingleSensorRig(seed);
-    rig.structure_present = false;
-    const CalibrationResult result = CalibrateWithoutAModel(Frames(Render(rig)));
-    EXPECT_EQ(result.sensors[0].code, SensorCode::kNoStructure) << "seed " << seed << "\n"
-                                                                << FormatReport(result);
-  }
-}
-
-TEST_F(EndToEnd, ASensorThatLooksAwayFails) {
-  for (std::uint64_t seed = 2000; seed < 2000 + Rounds(5, 50); ++seed) {
-    Rig rig = SingleSensorRig(seed);
-    RigSensor& sensor = rig.sensors[0];
-    const double angle = sensor.phi_deg * 3.14159265358979 / 180;
+    SCOPED_TRACE(seed);
+    Rig empty = SingleSensorRig(seed), away = SingleSensorRig(1000 + seed);
+    empty.structure_present = false;
+    RigSensor& sensor = away.sensors[0];
+    const double angle = sensor.phi_deg * M_PI / 180;
     sensor.look_at_cm = {2 * sensor.rho_cm * std::cos(angle), 0,
                          2 * sensor.rho_cm * std::sin(angle)};
-    const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
-    EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed) << "seed " << seed << "\n"
-                                                               << FormatReport(result);
-  }
-}
-
-TEST_F(EndToEnd, AFailedSensorDoesNotTakeTheOthersWithIt) {
-  Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-  const double angle = rig.sensors[3].phi_deg * 3.14159265358979 / 180;
-  rig.sensors[3].look_at_cm = {400 * std::cos(angle), 0, 400 * std::sin(angle)};
-  const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
-  EXPECT_EQ(result.placed(), 7) << FormatReport(result);
-  EXPECT_EQ(result.sensors[3].status, SensorStatus::kFailed);
-  for (std::size_t i = 0; i < result.sensors.size(); ++i) {
-    if (i != 3) ExpectWithin(result.sensors[i], 0.025, 0.61, "");
+    for (const Rig* rig : {&empty, &away}) {
+      const CalibrationResult result = CalibrateFrames(Render(*rig));
+      EXPECT_EQ(result.sensors[0].status, SensorStatus::kFailed) << FormatReport(result);
+      EXPECT_NE(result.sensors[0].code, SensorCode::kNone);
+      EXPECT_FALSE(result.sensors[0].reason.empty());
+      EXPECT_FALSE(result.sensors[0].hint.empty());
+    }
+    if (seed >= 1006) continue;
+    const CalibrationResult result = CalibrateWithoutAModel(Render(empty));
+    EXPECT_EQ(result.sensors[0].code, SensorCode::kNoStructure) << FormatReport(result);
   }
 }
 
@@ -209,7 +167,7 @@ TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
     Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
     rig.structure = (folder / "built.yaml").string();
     rig.seed = 5;
-    const CalibrationResult result = CalibrateFrames(Frames(Render(rig)));
+    const CalibrationResult result = CalibrateFrames(Render(rig));
     ASSERT_TRUE(result.assembly.has_value());
     EXPECT_EQ(result.assembly->arrangement.sentence, c.sentence) << FormatReport(result);
     EXPECT_EQ(result.placed(), 0);
@@ -218,7 +176,7 @@ TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
 
 TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
   Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-  std::vector<SensorFrame> frames = Frames(Render(rig));
+  std::vector<SensorFrame> frames = Render(rig);
   frames.resize(3);
   frames[1].intrinsics.fx *= 1.15;
   frames[1].intrinsics.fy *= 1.15;
