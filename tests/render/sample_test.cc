@@ -41,43 +41,32 @@ class SampleTest : public testing::Test {
   GlDepthRenderer renderer_;
 };
 
-TEST_F(SampleTest, SwitchingNoiseOffLeavesEverythingElse) {
+TEST_F(SampleTest, SwitchingNoiseOrClutterOffLeavesEverythingElse) {
   SampleConfig config = SmallConfig();
   const SampleContext sensor = MakeSampleContext(config, 4);
   config.noise.models = {"none"};
   const SampleContext none = MakeSampleContext(config, 4);
   config.noise.models = {"paper"};
   const SampleContext paper = MakeSampleContext(config, 4);
+  config.scene = BareConfig().scene;
+  const SampleContext bare = MakeSampleContext(config, 4);
   for (std::uint64_t i = 0; i < 6; ++i) {
     const Sample a = Synthesize(sensor, renderer_, 2, i);
-    const Sample b = Synthesize(none, renderer_, 2, i);
-    const Sample c = Synthesize(paper, renderer_, 2, i);
-    for (const Sample* other : {&b, &c}) {
-      EXPECT_EQ(a.structure_from_sensor.matrix(), other->structure_from_sensor.matrix());
-      EXPECT_TRUE(a.intrinsics == other->intrinsics);
-      EXPECT_TRUE(a.depth_clean == other->depth_clean);
-      EXPECT_TRUE(a.labels_clean == other->labels_clean);
+    for (const SampleContext* context : {&none, &paper, &bare}) {
+      const Sample other = Synthesize(*context, renderer_, 2, i);
+      EXPECT_EQ(a.structure_from_sensor.matrix(), other.structure_from_sensor.matrix());
+      EXPECT_TRUE(a.intrinsics == other.intrinsics);
+      EXPECT_EQ(a.box_offsets[0].matrix(), other.box_offsets[0].matrix());
+      EXPECT_EQ(a.size_scale, other.size_scale);
+      EXPECT_EQ(a.depth_clean == other.depth_clean, context != &bare);
+      EXPECT_EQ(a.labels_clean == other.labels_clean, context != &bare);
+      EXPECT_EQ(other.depth == other.depth_clean, context == &none);
+      EXPECT_EQ(other.labels == other.labels_clean, context == &none);
     }
-    EXPECT_TRUE(b.depth == b.depth_clean);
-    EXPECT_TRUE(b.labels == b.labels_clean);
     EXPECT_FALSE(a.depth == a.depth_clean);
   }
   config.noise.models = {"paper", "physics"};
   ExpectError<ConfigError>([&] { MakeSampleContext(config, 4); }, {"physics", "first"});
-}
-
-TEST_F(SampleTest, SwitchingClutterOffLeavesPoseAndAssembly) {
-  SampleConfig config = SmallConfig();
-  const SampleContext full = MakeSampleContext(config, 4);
-  config.scene = BareConfig().scene;
-  const SampleContext bare = MakeSampleContext(config, 4);
-  for (std::uint64_t i = 0; i < 4; ++i) {
-    const Sample a = Synthesize(full, renderer_, 2, i);
-    const Sample b = Synthesize(bare, renderer_, 2, i);
-    EXPECT_EQ(a.structure_from_sensor.matrix(), b.structure_from_sensor.matrix());
-    EXPECT_EQ(a.box_offsets[0].matrix(), b.box_offsets[0].matrix());
-    EXPECT_EQ(a.size_scale, b.size_scale);
-  }
 }
 
 TEST_F(SampleTest, ImageSizeIsOnePerBatchAndFitsTheSensor) {

@@ -33,14 +33,6 @@ class SceneTest : public testing::Test {
   Structure structure_;
 };
 
-TEST_F(SceneTest, ExactAssemblyIsTheNominalStructure) {
-  const AssembledStructure built = Assemble(structure_, {0, 0, 0}, 3, 4);
-  EXPECT_EQ(built.structure.Hash(), structure_.Hash());
-  EXPECT_EQ(built.size_scale, 1);
-  for (const Pose& offset : built.box_offsets)
-    EXPECT_TRUE(offset.matrix().isApprox(Eigen::Matrix4d::Identity(), 1e-12));
-}
-
 TEST_F(SceneTest, ImpreciseAssemblyStaysStackedAndHasItsSpread) {
   Tally x, scale;
   for (std::uint64_t i = 0; i < 400; ++i) {

@@ -251,11 +251,6 @@ TEST(EglContextTest, LeavesTheEnvironmentAlone) {
   ::setenv("LP_NUM_THREADS", before.empty() ? "0" : before.c_str(), 1);
 }
 
-TEST(EglContextTest, DescribesItsRenderer) {
-  const EglContext egl;
-  EXPECT_TRUE(Has(egl.Describe(), "OpenGL 4."));
-}
-
 TEST_P(DepthRendererTest, DrawsMeshesAsRaysMeetThem) {
   const Intrinsics k{160, 144, 126, 126, 79.5, 71.5, {}};
   const RayTable rays = ComputeRays(k);
