@@ -16,6 +16,7 @@ import pathlib
 import re
 
 from common import D415, KINECT, run
+import accuracy
 
 SENSORS = [KINECT, D415]
 METHODS = ["network", "geometry", "auto"]
@@ -55,10 +56,6 @@ def evaluate(options, name):
     return json.loads((folder / "evaluation.json").read_text())["cases"]
 
 
-def quantile(values, q):
-    return sorted(values)[min(len(values) - 1, int(q * len(values)))] if values else float("nan")
-
-
 def cell(cases):
     sensors = [sensor for case in cases for sensor in case["sensors"]]
     placed = [sensor for sensor in sensors if sensor["status"] != "failed"]
@@ -67,7 +64,7 @@ def cell(cases):
     errors = [1000 * sensor["error"]["initial"]["translation_m"] for sensor in right]
     seconds = [sum(case["timings_s"].get(stage, 0) for case in cases) / len(sensors) for stage in ("initial_pose", "total")]
     false = f"{len(wrong)} ({sum(s['status'] == 'ok' for s in wrong)} ok)" if wrong else "0"
-    return (f"{len(placed)} of {len(sensors)} | {false} | {quantile(errors, 0.5):.0f} / {quantile(errors, 0.95):.0f} | "
+    return (f"{len(placed)} of {len(sensors)} | {false} | {accuracy.quantiles(errors, (0.5, 0.95), 0)} | "
             f"{seconds[0]:.2f}, {seconds[1]:.2f}")
 
 

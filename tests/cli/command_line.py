@@ -444,13 +444,7 @@ class CommandLine(InAFolder):
         os.mkdir(self.path("real"))
         self.expect("calibrate real -o x", 1, "did you mean --capture real/capture.json? `volalign init real` writes that file")
 
-    def test_texts_of_any_length(self):
-        sensor = {"name": "a", "depth": "docs/" + 500000 * "a", "intrinsics": {"width": 4, "height": 4, "fx": 1, "fy": 1, "cx": 1, "cy": 1}}
-        self.write("big.json", json.dumps({"format": "volalign.capture/1", "sensors": [sensor]}))
-        self.write("big.yaml", "inherits: " + 500000 * "a")
-        for command in ("calibrate --capture big.json -o x", "config show big.yaml"):
-            output = self.expect(command, 1, "error: ", "aaa...: File name too long")
-            self.assertLess(len(output), 1000)
+    def test_a_long_list_of_boxes(self):
         self.write("blanks", 100000 * " ")
         self.expect('structure suggest -o x.yaml "$(cat blanks)"', 1, "error: cannot read the boxes")
 

@@ -7,7 +7,6 @@ The export writes what its options say; calibration with models/m05-lite.onnx gi
 docs/deployment.md, as it stands there, finds poses by PyPI's ONNX Runtime and numpy alone.
 """
 
-import math
 import os
 import re
 import shutil
@@ -19,14 +18,12 @@ import numpy
 from program import ROOT, InAFolder, main
 
 from grey_png import read_png
+import accuracy
 
 
 def pose_difference(a, b):
     """m and degrees between two 4x4 poses."""
-    moved = math.dist([row[3] for row in a[:3]], [row[3] for row in b[:3]])
-    # |A - B| of two rotations by Frobenius is sqrt(8) sin(angle / 2).
-    chord = math.sqrt(sum((x - y) ** 2 for r, s in zip(a[:3], b[:3]) for x, y in zip(r[:3], s[:3])) / 8)
-    return moved, math.degrees(2 * math.asin(min(1.0, chord)))
+    return accuracy.errors(numpy.array(a), numpy.array(b))
 
 
 class Deployment(InAFolder):
