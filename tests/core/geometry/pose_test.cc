@@ -259,18 +259,6 @@ TEST(AlignPoints, CollinearPointsStillGiveAProperRotation) {
   EXPECT_LT((one.target_from_source * Vector3d(1, 2, 3) - Vector3d(0, 0, 5)).norm(), 1e-12);
 }
 
-// The best orthogonal matrix is a mirror here. Its closed-form proper replacement for points on the
-// axes flips the direction of the smallest extent: with x -> -x, y and z the larger ones, the
-// identity remains.
-TEST(AlignPoints, AMirrorImageGivesAProperRotation) {
-  const Points source = {{0.1, 0, 0}, {-0.1, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 3}, {0, 0, -3}};
-  Points target = source;
-  for (auto& p : target) p.x() = -p.x();
-  const ProcrustesResult result = AlignPoints(source, target);
-  EXPECT_LT((result.target_from_source.matrix() - Eigen::Matrix4d::Identity()).norm(), 1e-12);
-  EXPECT_NEAR(result.rms, std::sqrt(2 * 0.04 / 6), 1e-12);
-}
-
 // Of noisy points, some of which are mirrored.
 TEST(AlignPoints, IsUmeyamasWithoutScale) {
   RandomStream random(1, 4, "procrustes");
