@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Writes the tables of docs/paper.md from what `volalign evaluate --suite all -o RESULTS` measured, and prints what its claims rest on.
 
-    tests/bench/paper_page.py RESULTS [--page docs/paper.md]
+    tests/bench/paper_page.py RESULTS OWN [--page docs/paper.md]
+
+OWN: what the same command measured with `--suite-config configs/paper/own_suite.yaml`.
 
 Each table of the page stands between `<!-- models: ... -->` and `<!-- end of models -->`. It has the paper's rows and columns, and from table 4 on a row of volalign.
 Printed are differences on the same captures, between initial poses of two models and between the methods of tables 5 and 6, with 95 % intervals of Student's t over
@@ -76,9 +78,16 @@ def method_differences(tables):
     return table(["from markers to labels", "mm"], lines)
 
 
+def own_rows(results):
+    """Mean and STD of tables 2 to 4."""
+    return [[f"{name[-1]}, {row['label']}", *cells(row, 0, True)[:2], *cells(row, 1, False, 4)[:2]] for name in ("table2", "table3", "table4")
+            for row in sorted(json.loads((results / f"{name}.json").read_text())["rows"], key=lambda row: row["label"])]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("results", type=pathlib.Path)
+    parser.add_argument("own", type=pathlib.Path)
     parser.add_argument("--page", type=pathlib.Path, default=pathlib.Path("docs/paper.md"))
     arguments = parser.parse_args()
     tables = {name: json.loads((arguments.results / f"{name}.json").read_text())["rows"] for name in (*ARRAYS, "table5", "table6")}
@@ -87,14 +96,17 @@ def main():
               for row in rows_of(tables, name, (0, 1), True)]
     methods = [[f"{title}, {row[0]}", *row[1:]] for title, name, block in METHODS for row in rows_of(tables, name, (block,))]
     texts = {"models": table(["table, model", *(f"mIoU, {c}" for c in four), *(f"3D RMSE, {c}" for c in four)], models),
-             "methods": table(["table, method", *four], methods)}
+             "methods": table(["table, method", *four], methods),
+             "own": table(["table, model", "mIoU, mean", "mIoU, STD", "3D RMSE, mean", "3D RMSE, STD"], own_rows(arguments.own))}
     page = arguments.page.read_text()
     for name, text in texts.items():
         page, found = re.subn(f"(<!-- {name}: [^>]*-->\n).*?(<!-- end of {name} -->)", lambda match: f"{match[1]}\n{text}\n\n{match[2]}", page, flags=re.DOTALL)
         if found != 1:
             sys.exit(f"{arguments.page} has no place for {name}")
     arguments.page.write_text(page)
-    print(differences(arguments.results / "captures") + "\n\n" + method_differences(tables))
+    for results in (arguments.results, arguments.own):
+        print(differences(results / "captures") + "\n")
+    print(method_differences(tables))
 
 
 if __name__ == "__main__":
