@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """Writes the tables of docs/paper.md from what `volalign evaluate --suite all -o RESULTS` measured, and prints what its claims rest on.
+The tables of models/paper-own/README.md are from OWN.
 
     tests/bench/paper_page.py RESULTS OWN [--page docs/paper.md]
 
@@ -95,15 +96,14 @@ def main():
     models = [[f"{title}, {row[0]}", *row[1:]] for title, name in (("2", "table2"), ("3", "table3"), ("4", "table4"), ("level", "table4_level"))
               for row in rows_of(tables, name, (0, 1), True)]
     methods = [[f"{title}, {row[0]}", *row[1:]] for title, name, block in METHODS for row in rows_of(tables, name, (block,))]
-    texts = {"models": table(["table, model", *(f"mIoU, {c}" for c in four), *(f"3D RMSE, {c}" for c in four)], models),
-             "methods": table(["table, method", *four], methods),
-             "own": table(["table, model", "mIoU, mean", "mIoU, STD", "3D RMSE, mean", "3D RMSE, STD"], own_rows(arguments.own))}
-    page = arguments.page.read_text()
-    for name, text in texts.items():
-        page, found = re.subn(f"(<!-- {name}: [^>]*-->\n).*?(<!-- end of {name} -->)", lambda match: f"{match[1]}\n{text}\n\n{match[2]}", page, flags=re.DOTALL)
+    texts = {("models", arguments.page): table(["table, model", *(f"mIoU, {c}" for c in four), *(f"3D RMSE, {c}" for c in four)], models),
+             ("methods", arguments.page): table(["table, method", *four], methods),
+             ("own", pathlib.Path("models/paper-own/README.md")): table(["table, model", "mIoU, mean", "mIoU, STD", "3D RMSE, mean", "3D RMSE, STD"], own_rows(arguments.own))}
+    for (name, path), text in texts.items():
+        page, found = re.subn(f"(<!-- {name}: [^>]*-->\n).*?(<!-- end of {name} -->)", lambda match: f"{match[1]}\n{text}\n\n{match[2]}", path.read_text(), flags=re.DOTALL)
         if found != 1:
-            sys.exit(f"{arguments.page} has no place for {name}")
-    arguments.page.write_text(page)
+            sys.exit(f"{path} has no place for {name}")
+        path.write_text(page)
     for results in (arguments.results, arguments.own):
         print(differences(results / "captures") + "\n")
     print(method_differences(tables))
