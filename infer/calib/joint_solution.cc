@@ -30,8 +30,8 @@ constexpr double kLabelsStay = 0.002;
 /// for the other one.
 constexpr int kFits = 4;
 
-/// The refinement is linear in the lenses. Pictures that have moved farther, px, are seen anew. Four
-/// real Kinects whose pictures had moved by 1.9 px were 14 mm off without that.
+/// The refinement is linear in the lenses. Pictures that have moved farther, px, are seen anew.
+/// Four real Kinects whose pictures had moved by 1.9 px were 14 mm off without that.
 constexpr double kLinearPx = 1;
 
 /// Located frames, none of which contradicts the others about where the stack stood.

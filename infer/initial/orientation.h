@@ -32,8 +32,8 @@ struct LabelRequest {
   const Intrinsics* intrinsics = nullptr;
   /// Clockwise turns into the network's orientation, 0-3; kAutoTurns: they are to be found.
   int quarter_turns = 0;
-  bool usable = true;  ///< false: gets no labels and no pose
-  int chosen = 0;      ///< SensorHypotheses::chosen
+  bool usable = true;                ///< false: gets no labels and no pose
+  int chosen = 0;                    ///< SensorHypotheses::chosen
   const PosePrior* prior = nullptr;  ///< of its pose in this capture; null: none
 };
 

@@ -334,8 +334,7 @@ TEST(FrameErrors, GrowFromTheMiddleOfThePicture) {
   const DepthErrorModel errors = ErrorsOf("realsense_d415");
   const Eigen::Vector3d p(1.2, -0.8, 4), faced = -p.normalized();
   const FrameErrorVector at = FrameErrorsAt(errors, p, faced);
-  EXPECT_TRUE(at.head<2>().isApprox(4 * Eigen::Vector2d(0.3, -0.2), 1e-12))
-      << at.transpose();
+  EXPECT_TRUE(at.head<2>().isApprox(4 * Eigen::Vector2d(0.3, -0.2), 1e-12)) << at.transpose();
   EXPECT_TRUE(FrameErrorsAt(errors, {0, 0, 4}, -Eigen::Vector3d::UnitZ()).isZero());
   const FrameErrorVector sigmas = FrameErrorSigmas(errors);
   EXPECT_EQ(sigmas[kTiltRows], errors.tilt_m);
