@@ -402,6 +402,7 @@ std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
   for (const auto& [key, leaf] : now.leaves()) {
     const std::vector<std::string>& values = before.leaves().at(key).values;
     if (paths.count(key) > 0 || values == leaf.values) continue;
+    if (key == "renderer" && leaf.values == std::vector<std::string>{"auto"}) continue;
     differences.push_back(fmt::format("data.{} = {} (dataset: {})", key,
                                       fmt::join(leaf.values, ", "), fmt::join(values, ", ")));
   }
