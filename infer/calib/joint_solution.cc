@@ -30,10 +30,6 @@ constexpr double kLabelsStay = 0.002;
 /// for the other one.
 constexpr int kFits = 4;
 
-/// The refinement is linear in the lenses. Pictures that have moved farther, px, are seen anew.
-/// Four real Kinects whose pictures had moved by 1.9 px were 14 mm off without that.
-constexpr double kLinearPx = 1;
-
 /// Located frames, none of which contradicts the others about where the stack stood.
 struct Located {
   PerFrame<LocateResult> results;
@@ -144,17 +140,6 @@ LensSet WithChanges(const CaptureSet& input, LensSet lenses, const SomeFrames<Fr
   return lenses;
 }
 
-/// The same frames through other lenses.
-Seen Through(Seen seen, LensSet lenses, int threads) {
-  seen.views = LookThrough(*seen.input, lenses, std::move(seen.views), seen.lenses, threads);
-  seen.lenses = std::move(lenses);
-  return seen;
-}
-
-PerFrame<SampledCloud> Clouds(const Seen& seen, int threads) {
-  return MapFrames(seen.views, threads, [&](FrameId id) { return SampleCloud(seen.views[id]); });
-}
-
 /// `moves`: of the last round.
 Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames,
                 const Moves& moves, RefineResult refined, SolveReport report) {
@@ -173,14 +158,13 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
               std::move(located.priors),
               {},
               {}};
-  const bool solved = report.converged && report.moved_px < kLinearPx;
-  report.settled = solved;
+  report.settled = report.converged;
   for (std::size_t k = 0; k < ids.size(); ++k) {
     FrameSolution& solution = joint.frames[ids[k]];
     solution.refined = std::move(refined.frames[k]);
     if (const auto move = moves.find(ids[k]); move != moves.end())
       solution.moved_m = move->second.norm();
-    solution.settled = solved && StandsStill(solution.moved_m, solution.refined);
+    solution.settled = report.converged && StandsStill(solution.moved_m, solution.refined);
     report.settled = report.settled && solution.settled;
     if (!solution.refined.refused_fit) continue;
     for (const int other : solution.refined.refused_fit->contradicts)
@@ -255,7 +239,8 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
   };
   const LocateOptions locate{options.initial, options.refine, options.verdict, options.threads};
   begin("each sensor by itself");
-  seen.clouds = Clouds(seen, options.threads);
+  seen.clouds = MapFrames(seen.views, options.threads,
+                          [&](FrameId id) { return SampleCloud(seen.views[id]); });
   Located located = Locate(stack, locate, &seen);
   clock->Lap("placement");
   begin("all sensors together");
@@ -265,26 +250,17 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
   SomeFrames<FrameInput> frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
   RefineSetup setup(options.refine);
   for (;;) {
-    const auto is_final = [&](const RefineResult& refined) {
-      return labelled == kLabelRounds ||
-             (Largest(MovesOf(frames, PosesForLabels(frames, refined))) < kLabelsStay &&
-              LargestShift(seen.lenses, WithChanges(*seen.input, seen.lenses, frames, refined)) <
-                  kLinearPx);
+    const auto labels_stay = [&](const RefineResult& refined) {
+      return Largest(MovesOf(frames, PosesForLabels(frames, refined))) < kLabelsStay ||
+             labelled == kLabelRounds;
     };
-    setup.is_final = is_final;
+    setup.is_final = labels_stay;
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
     Moves moves = MovesOf(frames, poses);
-    LensSet lenses = WithChanges(*seen.input, seen.lenses, frames, refined);
     report.moved_m = Largest(moves);
-    report.moved_px = LargestShift(seen.lenses, lenses);
-    if (!is_final(refined)) {  // label
-      if (report.moved_px >= kLinearPx) {
-        seen = Through(std::move(seen), std::move(lenses), options.threads);
-        seen.lenses = MeasureLenses(seen.views, std::move(seen.lenses), options.threads);
-        seen.clouds = Clouds(seen, options.threads);
-      }
+    if (!labels_stay(refined)) {  // label
       const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
       before = std::move(moves);
       frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
@@ -296,8 +272,12 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
     if (shapeless.empty()) {
       clock->Lap("refinement");
+      LensSet lenses = WithChanges(*seen.input, seen.lenses, frames, refined);
       report.converged = refined.converged;
-      if (report.moved_px > 0) seen = Through(std::move(seen), std::move(lenses), options.threads);
+      report.moved_px = LargestShift(seen.lenses, lenses);
+      seen.views =
+          LookThrough(*seen.input, lenses, std::move(seen.views), seen.lenses, options.threads);
+      seen.lenses = std::move(lenses);
       return MakeJoint(std::move(seen), std::move(located), frames, moves, std::move(refined),
                        report);
     }

@@ -17,7 +17,7 @@ struct FrameSolution {
   RefinedFrame refined;
   std::vector<FrameId> contradicts;  ///< RefusedFit::contradicts
   double moved_m = 0;                ///< m, by the last round
-  /// StandsStill, and the solution ended by its tolerances, through lenses in which it is linear.
+  /// StandsStill, and the solution ended by its tolerances.
   bool settled = false;
 };
 
@@ -38,12 +38,13 @@ struct Joint {
 
 /// Solves for all sensors together, in rounds of these steps, until nothing changes any more.
 /// Locate, once: each frame by itself, then with its prior, then by its neighbours, then where the
-/// stack stood in each capture. Refine: see Refine. Label: the stack, poses and lenses that were
-/// found label the points anew. The origin of the first labels, a network or geometry, then makes
-/// little difference. A frame that turns back begins the next round half way (NextStarts). Drop: a
-/// frame that geometry alone has located may move to where its view does not have the structure's
-/// shape (ShapeLogOdds). It is then no longer located (no_structure), and the others are solved
-/// again from their first poses. Joint::report says whether the limit of rounds was reached.
+/// stack stood in each capture. Refine: see Refine; it is linear in the lenses, about those that
+/// planes gave. Label: the stack and poses that were found label the points anew. The origin of the
+/// first labels, a network or geometry, then makes little difference. A frame that turns back
+/// begins the next round half way (NextStarts). Drop: a frame that geometry alone has located may
+/// move to where its view does not have the structure's shape (ShapeLogOdds). It is then no longer
+/// located (no_structure), and the others are solved again from their first poses. Joint::report
+/// says whether the limit of rounds was reached.
 Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions& options,
                    const CalibrateProgress& progress, StageClock* clock);
 

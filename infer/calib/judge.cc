@@ -61,11 +61,9 @@ Finding TypicalIntrinsics(const std::string& kind) {
 /// The last moves as a text; empty if the frame has settled.
 std::string WhatMoves(const SolveReport& report, const FrameSolution& frame) {
   if (frame.settled) return "";
-  return fmt::format(
-      "round {} still moved the sensor by {:.1f} mm, and the last change of a lens moved a picture "
-      "by {:.1f} px{}",
-      report.rounds, 1000 * frame.moved_m, report.moved_px,
-      report.converged ? "" : ". It ended because all its steps were used");
+  return fmt::format("round {} still moved the sensor by {:.1f} mm{}", report.rounds,
+                     1000 * frame.moved_m,
+                     report.converged ? "" : ". It ended because all its steps were used");
 }
 
 /// Residuals, errors and status of a located frame at its reported pose.

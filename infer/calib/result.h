@@ -124,7 +124,7 @@ struct SolveReport {
   bool settled = false;
   bool converged = false;  ///< the last one ended by its tolerances, not by its most iterations
   double moved_m = 0;      ///< m: largest move of a sensor in the last one
-  double moved_px = 0;     ///< px: largest move of a picture by the last change of a lens
+  double moved_px = 0;     ///< px: largest move of a picture by the change of its lens
 };
 
 /// Sensors and the stack that they saw.

@@ -92,17 +92,6 @@ PerFrame<SensorPlanes> FindPlanes(const PerFrame<SensorView>& views, const LensS
   });
 }
 
-LensSet MeasureLenses(const PerFrame<SensorView>& views, LensSet lenses, int threads) {
-  const PerFrame<SensorPlanes> planes = FindPlanes(views, lenses, threads);
-  ParallelFor(lenses.lenses.size(), threads, [&](std::size_t index) {
-    SensorLens& lens = lenses.lenses[index];
-    if (lens.contradicted) return;
-    const LensFrames frames = FramesOf(planes, lenses, index);
-    lens.evidence = Straightness(frames.planes).EvidenceAt(frames.assumed, lens.change);
-  });
-  return lenses;
-}
-
 FoundLenses FindLenses(const CaptureSet& input, LensSet lenses, int threads) {
   PerFrame<SensorView> views = LookThrough(input, lenses, threads);
   for (int round = 0; round < kRounds; ++round) {

@@ -25,7 +25,4 @@ FoundLenses FindLenses(const CaptureSet& input, LensSet lenses, int threads);
 PerFrame<SensorPlanes> FindPlanes(const PerFrame<SensorView>& views, const LensSet& lenses,
                                   int threads);
 
-/// The lenses with the evidence of the planes of `views` at their changes.
-LensSet MeasureLenses(const PerFrame<SensorView>& views, LensSet lenses, int threads);
-
 }  // namespace volalign

@@ -270,7 +270,7 @@ std::string Solution(const SolveReport& solve) {
   if (solve.rounds == 0) return "";
   return fmt::format(
       "the joint solution has {}settled after {} round{}. The last one moved sensors by up to "
-      "{:.1f} mm{}. The last change of a lens moved pictures by up to {:.1f} px\n",
+      "{:.1f} mm{}. The change of a lens moved pictures by up to {:.1f} px\n",
       solve.settled ? "" : "not ", solve.rounds, solve.rounds == 1 ? "" : "s", 1000 * solve.moved_m,
       solve.converged ? "" : " without converging", solve.moved_px);
 }

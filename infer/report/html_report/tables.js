@@ -285,7 +285,7 @@ function fillFound(report) {
 }
 
 function solutionWords({ rounds, settled, converged, moved_m, moved_px }) {
-  return `${settled ? "settled" : "not settled"} after ${plural(rounds, "round")}. The last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " without converging"}. The last change of a lens moved pictures by up to ${fixed(moved_px, 1)} px`;
+  return `${settled ? "settled" : "not settled"} after ${plural(rounds, "round")}. The last one moved sensors by up to ${fixed(1000 * moved_m, 1)} mm${converged ? "" : " without converging"}. The change of a lens moved pictures by up to ${fixed(moved_px, 1)} px`;
 }
 
 function fillRun(report) {
