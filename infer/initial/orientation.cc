@@ -19,8 +19,8 @@ using pose_internal::Settled;
 using Labellings = std::vector<const Labelling*>;
 
 /// A pose with the labels that it implies, in place of a network's. It is verified as one that
-/// geometry has found. Where no network tells the turns, they are the frame's own, or put the floor
-/// at the bottom.
+/// geometry has found. If no network tells the turns, they are the frame's own, or put the floor at
+/// the bottom.
 void TakeImplied(const LabelContext& context, const LabelRequest& from, const Hypothesis& chosen,
                  Labelled* out) {
   const Pose& pose = chosen.structure_from_sensor;
@@ -28,9 +28,8 @@ void TakeImplied(const LabelContext& context, const LabelRequest& from, const Hy
   out->segmentation = std::move(labelled.segmentation);
   out->initial = std::move(labelled.initial);
   out->source = PoseSource::kGeometry;
-  out->quarter_turns = from.quarter_turns != kAutoTurns ? from.quarter_turns
-                       : context.segmenter              ? chosen.turns
-                                                        : UprightTurns(pose);
+  const int found = chosen.source == PoseSource::kNetwork ? chosen.turns : UprightTurns(pose);
+  out->quarter_turns = from.quarter_turns == kAutoTurns ? found : from.quarter_turns;
 }
 
 /// A labelling's labels and pose.

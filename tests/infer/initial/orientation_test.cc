@@ -146,6 +146,15 @@ TEST(LabelViews, APictureThatTheNetworkTakesForAStructureUpsideDownIsTurnedRound
             0.95);
 }
 
+TEST(LabelViews, AFrameThatTheNetworkDoesNotKnowHasTheFloorAtTheBottom) {
+  Frames frames({0});
+  frames.segmenter.answers[&frames.views[0].depth].second = LabelImage(320, 288);
+  const Labelled labelled = frames.Label({kAutoTurns}).at(0);
+  EXPECT_EQ(labelled.source, PoseSource::kGeometry);
+  ASSERT_NE(UprightTurns(RingPose(40)), 0);
+  EXPECT_EQ(labelled.quarter_turns, UprightTurns(RingPose(40)));
+}
+
 TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {
   Frames frames({0, 0});
   const std::vector<Labelled> labelled = frames.Label({kAutoTurns, kAutoTurns}, 0);
