@@ -398,11 +398,10 @@ std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
       WriteConfig(ReadConfig<SampleConfig>(ConfigSource::FromString(header.data_yaml, "dataset"))),
       "dataset");
   const ConfigSource now = ConfigSource::FromString(WriteConfig(context.config), "now");
-  const std::set<std::string> paths = {"structure", "intrinsics"};
+  const std::set<std::string> not_compared = {"structure", "intrinsics", "renderer"};
   for (const auto& [key, leaf] : now.leaves()) {
     const std::vector<std::string>& values = before.leaves().at(key).values;
-    if (paths.count(key) > 0 || values == leaf.values) continue;
-    if (key == "renderer" && leaf.values == std::vector<std::string>{"auto"}) continue;
+    if (not_compared.count(key) > 0 || values == leaf.values) continue;
     differences.push_back(fmt::format("data.{} = {} (dataset: {})", key,
                                       fmt::join(leaf.values, ", "), fmt::join(values, ", ")));
   }

@@ -20,7 +20,7 @@ struct DepthErrorModel {
   /// Tilt of a whole frame, per rad from its middle along each axis of the picture, at 2 m. Grows
   /// as white_m does.
   double tilt_m = 0;
-  double shear_m = 0;  ///< the same, of surfaces whose picture is sheared, times the shear
+  double shear_m = 0;  ///< the same, times the shear of a surface's picture (FrameErrorsAt)
   /// Mean error from light that comes by the floor or by another box (DiffuseMultipathShare). The
   /// error is distributed evenly from 0 to twice the mean.
   double bounce_m = 0;

@@ -197,6 +197,9 @@ TEST(Dataset, RefusesToMixSamples) {
   config.noise.models = {"paper"};
   refused(Context(config), Options(5),
           {folder.path().string(), "data.noise.models = paper (dataset: sensor)"});
+  config = SmallConfig();
+  config.renderer = "cpu";
+  EXPECT_TRUE(DifferencesFrom(Dataset(folder.path()).header(), *Context(config)).empty());
   DatasetOptions options = Options(5);
   options.seed = 4;
   refused(Context(), options, {"seed = 4 (dataset: 3)"});
