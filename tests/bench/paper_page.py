@@ -4,7 +4,7 @@ The tables of models/paper-own/README.md are from OWN.
 
     tests/bench/paper_page.py RESULTS OWN [--page docs/paper.md]
 
-OWN: what the same command measured with `--suite-config configs/paper/own_suite.yaml`.
+OWN: what the commands of configs/paper/own_suite.yaml measured.
 
 Each table of the page stands between `<!-- models: ... -->` and `<!-- end of models -->`. It has the paper's rows and columns, and from table 4 on a row of volalign.
 Printed are differences on the same captures, between initial poses of two models and between the methods of tables 5 and 6, with 95 % intervals of Student's t over
@@ -80,9 +80,9 @@ def method_differences(tables):
 
 
 def own_rows(results):
-    """Mean and STD of tables 2 to 4."""
-    return [[f"{name[-1]}, {row['label']}", *cells(row, 0, True)[:2], *cells(row, 1, False, 4)[:2]] for name in ("table2", "table3", "table4")
-            for row in sorted(json.loads((results / f"{name}.json").read_text())["rows"], key=lambda row: row["label"])]
+    """Means of tables 2 to 4."""
+    return [[f"{name[-1]}, {row['label']}", cells(row, 0, True)[0], cells(row, 1, False, 4)[0]] for name in ("table2", "table3", "table4")
+            for row in sorted(json.loads((results / f"{name}.json").read_text())["rows"], key=lambda row: row["label"]) if re.fullmatch("m0[1-7]", row["label"])]
 
 
 def main():
@@ -98,7 +98,7 @@ def main():
     methods = [[f"{title}, {row[0]}", *row[1:]] for title, name, block in METHODS for row in rows_of(tables, name, (block,))]
     texts = {("models", arguments.page): table(["table, model", *(f"mIoU, {c}" for c in four), *(f"3D RMSE, {c}" for c in four)], models),
              ("methods", arguments.page): table(["table, method", *four], methods),
-             ("own", pathlib.Path("models/paper-own/README.md")): table(["table, model", "mIoU, mean", "mIoU, STD", "3D RMSE, mean", "3D RMSE, STD"], own_rows(arguments.own))}
+             ("own", pathlib.Path("models/paper-own/README.md")): table(["table, model", "mIoU, mean", "3D RMSE, mean"], own_rows(arguments.own))}
     for (name, path), text in texts.items():
         page, found = re.subn(f"(<!-- {name}: [^>]*-->\n).*?(<!-- end of {name} -->)", lambda match: f"{match[1]}\n{text}\n\n{match[2]}", path.read_text(), flags=re.DOTALL)
         if found != 1:
