@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How accurate calibration is and how true its covariances are: a row for each family of frames, of one program or of two side by side.
 
-    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
+    tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,alone,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
     tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
 Needs NumPy; runs from the root of the project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
@@ -13,6 +13,7 @@ Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the
 - rendered, physics: --rigs rigs of each kind, seeds from 1000; boxes 3 mm and 0.5 deg off, sizes 1 %; true poses in the nominal frame
 - table: two sensors before cartons on a table; a relative pose from colour images, known to 3 to 5 cm and 0.4 deg
 - places: six sensors, a stack at four placements, and the rig irregular with one and four; true poses
+- alone: single frames of foreign, of which only the stack is left. Most show several poses alike; true poses. One that is ok and wrong is unsafe
 
 Columns: median, 95th percentile and largest error of the sensors that are not wrong, mm, or RMS of their points to the structure; percent of the six
 components of delta within one and two standard deviations; beside both, what they were.
@@ -36,6 +37,8 @@ import subprocess
 import sys
 
 import numpy as np
+
+from grey_png import read_png, write_png
 
 STRUCTURE = "configs/structure.yaml"
 RIGS = ["ring8", "arc8", "ring4", "irregular"]
@@ -160,6 +163,29 @@ def foreign(program, captures, result, models=(True, False)):
             continue  # the model was trained on other boxes
         extrinsics = program.calibrate(f"foreign_{folder.name}", files, model, boxes if boxes.exists() else None)
         measure(result, "foreign, " + ("model" if model else "no model"), folder.name, extrinsics, truth_of(files[0]), align=True)
+
+
+def alone(program, captures, result):
+    low, high = [-0.75, -0.77, -0.75], [0.75, 0.9, 0.75]  # m, structure frame, from 4 cm above the floor
+    for folder in sorted((captures / "foreign").iterdir()):
+        if (folder / "boxes.yaml").exists():
+            continue
+        file = next(iter(sorted(folder.rglob("capture.json"))))
+        capture = json.loads(file.read_text())
+        truths = truth_of(file)
+        for sensor in capture["sensors"]:
+            name, lens = sensor["name"], sensor["intrinsics"]
+            depth = read_png(file.parent / sensor["depth"])
+            v, u = np.indices(depth.shape)
+            z = depth * sensor["depth_scale"]
+            points = np.stack([(u - lens["cx"]) / lens["fx"] * z, (v - lens["cy"]) / lens["fy"] * z, z], -1)
+            points = points @ truths[name][:3, :3].T + truths[name][:3, 3]
+            path = program.options.work / "alone" / f"{folder.name}_{name}" / "capture.json"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_png(path.parent / "depth.png", np.where(((points > low) & (points < high)).all(-1), depth, 0))
+            path.write_text(json.dumps({"format": capture["format"], "sensors": [{**sensor, "depth": "depth.png"}]}))
+            extrinsics = program.calibrate(f"alone_{folder.name}_{name}", [path], False)
+            measure(result, "foreign alone, no model", f"{folder.name}_{name}", extrinsics, truths)
 
 
 def first_intrinsics(kind, width):
@@ -345,7 +371,7 @@ def main():
     parser.add_argument("--json", type=pathlib.Path, help="file for the figures of every sensor")
     options = parser.parse_args()
     if options.guard:
-        options.parts, options.rigs = "foreign,real,table,places,rendered,physics", 2 if options.quick else 16
+        options.parts, options.rigs = "foreign,alone,real,table,places,rendered,physics", 2 if options.quick else 16
     captures = pathlib.Path(os.environ.get("VOLALIGN_CAPTURES") or "../shared/captures").resolve()
     parts = options.parts.split(",")
     if not captures.exists():
@@ -357,6 +383,8 @@ def main():
     for program, result in zip(programs, results):
         if "foreign" in parts:
             foreign(program, captures, result, (False,) if options.guard and options.quick else (True, False))
+        if "alone" in parts:
+            alone(program, captures, result)
         if "real" in parts:
             real(program, captures, result)
         if "table" in parts:

@@ -108,14 +108,14 @@ class Search {
     found = FitWell(std::move(found), true);
     SortByGain(&found);
     const GeometricPose& best = found.front();
-    return StandsOnFloor(best) ? std::optional(best) : std::nullopt;
+    return FloorAt(best).balance() > 0 ? std::optional(best) : std::nullopt;
   }
 
-  /// Keeps those with the structure's shape that stand on a floor; without `on_floor`, those that
-  /// do not float. A side of the structure itself may have been taken for the floor.
-  Poses Verified(Poses poses, bool on_floor) const {
+  /// Keeps those with the structure's shape that do not float. A side of the structure itself may
+  /// have been taken for the floor.
+  Poses Verified(Poses poses) const {
     return Without(std::move(poses), [&](const GeometricPose& pose) {
-      return !HasShape(pose.shape) || (on_floor ? !StandsOnFloor(pose) : FloorAt(pose).Floats());
+      return !HasShape(pose.shape) || FloorAt(pose).Floats();
     });
   }
 
@@ -166,7 +166,6 @@ class Search {
   FloorFit FloorAt(const GeometricPose& pose) const {
     return FindFloor(view_.surface.view, structure_, pose.structure_from_sensor);
   }
-  bool StandsOnFloor(const GeometricPose& pose) const { return FloorAt(pose).balance() > 0; }
 
   /// The pose as the first look or, with `closely`, as all rays show it.
   GeometricPose Measured(const Pose& pose, bool closely) const {
@@ -215,13 +214,7 @@ class Search {
                       true);
     };
     for (GeometricPose& pose : poses) {
-      // A pose that no floor fixes may be off by degrees at first.
-      GeometricPose alone = fitted(pose, false);
-      for (int round = 1; round <= kRounds; ++round) {
-        const GeometricPose again = fitted(alone, false);
-        if (!(again.shape.Gain() > alone.shape.Gain())) break;
-        alone = again;
-      }
+      const GeometricPose alone = fitted(pose, false);
       if (floor) pose = fitted(pose, true);
       if (!floor || alone.shape.Gain() > pose.shape.Gain()) pose = alone;
     }
@@ -277,12 +270,12 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   const SurfaceInRoom surface = LookAround(view, structure);
   const Search search(surface, structure);
   const Poses on_floors = search.CandidatesOnFloors(false);
-  Poses found = search.Verified(on_floors, true);
+  Poses found = search.Verified(on_floors);
   // A shape with poor odds may be other boxes that stand on the floor.
   if (BestShape(found) < std::log(kDecisiveOdds)) {
     Poses candidates = search.CandidatesWithoutFloor();
     candidates.insert(candidates.end(), on_floors.begin(), on_floors.end());
-    Poses others = search.Verified(std::move(candidates), false);
+    Poses others = search.Verified(std::move(candidates));
     if (search.BestWithFloor(others) > search.BestWithFloor(found)) found = std::move(others);
   }
   found = Compete(std::move(found), structure);

@@ -32,9 +32,8 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
     return CorrectForVisibility(by, result.patches, structure, max_distance_m, pose).value_or(pose);
   };
 
-  std::vector<Pose> candidates = FindCandidates(result.patches, structure, near);
-  if (near) candidates.push_back(*near);
-  for (const Pose& candidate : candidates) {
+  for (const Pose& candidate :
+       near ? std::vector<Pose>{*near} : FindCandidates(result.patches, structure)) {
     const Pose pose = correct(coarse, kMostKeypointError, candidate);
     if (near && !SamePose(structure, pose, *near)) continue;
     const Agreement agreement = compare(pose);

@@ -64,9 +64,8 @@ struct InitialPose {
 };
 
 /// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
-/// from sets of patches and corrected for visibility (pose_candidates.h).
-/// The candidate with the largest Agreement::score is taken. With `near`, that pose is a candidate
-/// too, and candidates that are not about the same pose are left out.
+/// from sets of patches and corrected for visibility (pose_candidates.h). The candidate with the
+/// largest Agreement::score is taken. With `near`, that pose is the only candidate.
 ///
 /// With PoseMethod::kPaper, EstimatePaperPose (paper_pose.h) does it instead.
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,

@@ -28,7 +28,7 @@ constexpr double kMinExtent = 0.01;
 /// So many sigmas of a patch's own uncertainty, of at most so much, rad, widen the gate on its
 /// normal.
 constexpr double kNormalSigmas = 2, kMaxNormalSigma = 0.5;
-/// Most patches that are combined: with more, pairs and triples add nothing.
+/// Most patches that are combined: with more, pairs add nothing.
 constexpr std::size_t kCombinedPatches = 2 * kBeam;
 
 struct Candidate {
@@ -37,22 +37,15 @@ struct Candidate {
   double area = 0;  // of the members, m^2
 };
 
-/// All patches, all but one, and every pair and triple of the first ones.
+/// All patches, and every pair of the first ones.
 std::vector<PatchSet> StartSets(std::size_t patches) {
   std::vector<PatchSet> sets;
   PatchSet all;
   for (std::size_t i = 0; i < patches; ++i) all.insert(i);
   sets.push_back(all);
-  for (std::size_t i = 0; i < patches; ++i) {
-    sets.push_back(all);
-    sets.back().erase(i);
-  }
   const std::size_t combined = std::min(patches, kCombinedPatches);
   for (std::size_t i = 0; i < combined; ++i) {
-    for (std::size_t j = i + 1; j < combined; ++j) {
-      sets.push_back({i, j});
-      for (std::size_t k = j + 1; k < combined; ++k) sets.push_back({i, j, k});
-    }
+    for (std::size_t j = i + 1; j < combined; ++j) sets.push_back({i, j});
   }
   return sets;
 }
@@ -177,8 +170,8 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
   return agreeing;
 }
 
-std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
-                                 const Pose* near) {
+std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches,
+                                 const Structure& structure) {
   const std::vector<Eigen::Vector3d> keypoints = SideKeypoints(patches, structure);
   std::map<PatchSet, Candidate> unique;
   for (const PatchSet& start : StartSets(patches.size())) {
@@ -186,9 +179,7 @@ std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const St
       unique.emplace(candidate->members, *candidate);
   }
   std::vector<Candidate> candidates;
-  for (const auto& [members, candidate] : unique) {
-    if (!near || SamePose(structure, candidate.pose, *near)) candidates.push_back(candidate);
-  }
+  for (const auto& [members, candidate] : unique) candidates.push_back(candidate);
   KeepLargest(kBeam, &candidates, [](const Candidate& each) { return each.area; });
   std::vector<Pose> poses;
   poses.reserve(candidates.size());

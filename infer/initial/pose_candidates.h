@@ -37,11 +37,10 @@ PatchSet AgreeingPatches(const std::vector<SidePatch>& patches,
                          const std::vector<Eigen::Vector3d>& keypoints, const Structure& structure,
                          double max_distance_m, const Pose& structure_from_sensor);
 
-/// Poses from all patches, from all but one, and from every pair and triple of the first ones.
-/// Each is solved again with the patches that agree with it. The eight with the largest area of
-/// such patches are returned, the largest first. With `near`, only poses that are about that one.
-std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure,
-                                 const Pose* near);
+/// Poses from all patches, and from every pair of the first ones. Each is solved again with the
+/// patches that agree with it. The eight with the largest area of such patches are returned, the
+/// largest first.
+std::vector<Pose> FindCandidates(const std::vector<SidePatch>& patches, const Structure& structure);
 
 /// For each patch, the centroid of the visible part of its side from the pose, structure frame, m.
 /// Where that part is much smaller than the patch, the side's keypoint.

@@ -51,25 +51,6 @@ std::vector<Hypothesis> OfLabellings(const std::vector<StructureSymmetry>& symme
   return poses;
 }
 
-/// Where labels are mixed up, few sides agree on a pose, and it may be tilted by degrees. Every
-/// pose is therefore estimated again before it is judged, once for all that are about the same.
-void EstimateAgain(const SensorView& view, const Structure& structure,
-                   const InitialPoseOptions& options, std::vector<Hypothesis>* poses) {
-  std::vector<std::pair<Pose, Pose>> known;  // before and after
-  for (Hypothesis& each : *poses) {
-    Pose& pose = each.structure_from_sensor;
-    auto same = std::find_if(known.begin(), known.end(), [&](const auto& pair) {
-      return SamePose(structure, pair.first, pose);
-    });
-    if (same == known.end()) {
-      const InitialPose again = LabelByPose(view, structure, pose, options).initial;
-      known.emplace_back(pose, again.found ? again.structure_from_sensor : pose);
-      same = known.end() - 1;
-    }
-    pose = same->second;
-  }
-}
-
 /// The turns of poses found by geometry follow from the side of the picture that is up, as compared
 /// with a pose of the network.
 void AddGeometry(const SensorView& view, const Structure& structure,
@@ -108,9 +89,6 @@ std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& 
                                        const Labellings& labellings, bool known_up,
                                        const InitialPoseOptions& initial) {
   std::vector<Hypothesis> poses = OfLabellings(symmetries, labellings, known_up);
-  if (!poses.empty())
-    EstimateAgain(Decimate(view, StrideForRays(view.depth.size(), kCoarseRays)), structure, initial,
-                  &poses);
   if (AsksGeometry(initial.method)) AddGeometry(view, structure, symmetries, known_up, &poses);
   WeighHypotheses(view, structure, labellings, &poses);
   return poses;

@@ -41,10 +41,9 @@ struct Hypothesis {
 bool AsksGeometry(PoseMethod method);
 
 /// The poses that a sensor may have, with their evidence. They are the poses of the labellings,
-/// their symmetric ones, and those of FindPosesByGeometry where the method uses geometry. Each pose
-/// of a labelling is estimated again with the labels that it implies. With `known_up`, the
-/// labellings' orientation is given. Symmetries that turn the structure over are then left out, as
-/// are geometry's poses that turn it over against all of the labellings'.
+/// their symmetric ones, and those of FindPosesByGeometry where the method uses geometry. With
+/// `known_up`, the labellings' orientation is given. Symmetries that turn the structure over are
+/// then left out, as are geometry's poses that turn it over against all of the labellings'.
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
                                        const std::vector<StructureSymmetry>& symmetries,
                                        const std::vector<const Labelling*>& labellings,

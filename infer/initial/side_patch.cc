@@ -28,46 +28,16 @@ constexpr double kPixelsPerPlane = 100, kSmoothError = 0.003;
 /// Least variance of a patch along its short direction, m^2: bounds the uncertainty of its normal.
 const double kMinVariance = std::pow(StepSigma() * kDepthStep, 2);
 
-/// Row-major pixel indices of each label, without components of fewer than `speck` pixels.
-std::vector<std::vector<int>> ConnectedPixels(const SensorView& view,
-                                              const SegmentationResult& segmentation,
-                                              int num_classes, std::size_t speck) {
-  const int width = view.width(), height = view.height();
-  const auto usable = [&](int i) {
-    const auto k = static_cast<std::size_t>(i);
-    return segmentation.labels[k] > 0 && segmentation.labels[k] < num_classes &&
-           view.depth[k] > 0 && segmentation.confidence[k] >= kLeastConfidence;
-  };
+/// Row-major pixel indices of each label.
+std::vector<std::vector<int>> PixelsByLabel(const SensorView& view,
+                                            const SegmentationResult& segmentation,
+                                            int num_classes) {
   std::vector<std::vector<int>> pixels(static_cast<std::size_t>(num_classes));
-  std::vector<char> seen(view.depth.size(), 0);
-  std::vector<int> component;
-  for (int start = 0; start < width * height; ++start) {
-    if (seen[static_cast<std::size_t>(start)] || !usable(start)) continue;
-    component.assign(1, start);
-    seen[static_cast<std::size_t>(start)] = 1;
-    const std::uint8_t label = segmentation.labels[static_cast<std::size_t>(start)];
-    for (std::size_t next = 0; next < component.size(); ++next) {
-      const int i = component[next], u = i % width, v = i / width;
-      const double z = view.depth[static_cast<std::size_t>(i)];
-      const auto visit = [&](int du, int dv) {
-        if (!view.depth.Contains(u + du, v + dv)) return;
-        const int j = i + dv * width + du;
-        const auto k = static_cast<std::size_t>(j);
-        if (seen[k] || segmentation.labels[k] != label || !usable(j)) return;
-        if (std::abs(view.depth[k] - z) > DepthJump(z)) return;
-        seen[k] = 1;
-        component.push_back(j);
-      };
-      visit(1, 0);
-      visit(-1, 0);
-      visit(0, 1);
-      visit(0, -1);
-    }
-    if (component.size() >= speck) {
-      auto& all = pixels[label];
-      all.insert(all.end(), component.begin(), component.end());
-    }
-  }
+  view.VisitMeasured(1, [&](int u, int v) {
+    const std::uint8_t label = segmentation.labels(u, v);
+    if (label > 0 && label < num_classes && segmentation.confidence(u, v) >= kLeastConfidence)
+      pixels[label].push_back(v * view.width() + u);
+  });
   return pixels;
 }
 
@@ -193,8 +163,8 @@ SidePatch Describe(const SensorView& view, const SegmentationResult& segmentatio
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
                                       const Structure& structure) {
-  const std::vector<std::vector<int>> by_label = ConnectedPixels(
-      view, segmentation, structure.num_classes(), static_cast<std::size_t>(kFewestSidePixels) / 2);
+  const std::vector<std::vector<int>> by_label =
+      PixelsByLabel(view, segmentation, structure.num_classes());
   const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.errors);
   std::vector<SidePatch> found;
   for (int label = 1; label < structure.num_classes(); ++label) {

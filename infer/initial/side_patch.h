@@ -25,10 +25,9 @@ struct SidePatch {
   double mean_confidence = 0;
 };
 
-/// Fits planes to each label's confident pixels by RANSAC. Specks (small connected components) are
-/// dropped, because label errors make them. A patch is no larger than the side's diagonal. A label
-/// that marks two surfaces gives two patches, the larger first. A handful of far pixels with a
-/// wrong label therefore changes nothing. Deterministic.
+/// Fits planes to each label's confident pixels by RANSAC. A patch is no larger than the side's
+/// diagonal. A label that marks two surfaces gives two patches, the larger first. A handful of far
+/// pixels with a wrong label therefore changes nothing. Deterministic.
 std::vector<SidePatch> CollectPatches(const SensorView& view,
                                       const SegmentationResult& segmentation,
                                       const Structure& structure);

@@ -196,31 +196,6 @@ bool IsOdd(const JointProblem& problem, const Agreed& agreed, std::size_t frame)
          (has_another && measured.IsUnlikely(std::numeric_limits<double>::infinity()));
 }
 
-/// The frame to exclude, if `worst` disagrees most. A sensor that has moved disagrees in all its
-/// frames. With three or more of them, the frame that begins farthest from the others is excluded.
-std::size_t FindOddOne(const JointProblem& problem, const Agreed& agreed, std::size_t worst) {
-  const State& state = agreed.solution.state;
-  std::vector<std::size_t> frames;
-  std::vector<Eigen::Vector3d> places;
-  for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) != state.SensorOf(worst) || agreed.solution.fixed[i]) continue;
-    frames.push_back(i);
-    places.push_back(state.placements[state.EvaluationCaptureOf(i)].ToPose() *
-                     problem.frames[i].start.translation());
-  }
-  if (frames.size() < 3) return worst;
-  double farthest = 0;
-  for (std::size_t k = 0; k < frames.size(); ++k) {
-    if (!IsOdd(problem, agreed, frames[k])) continue;
-    double sum = 0;
-    for (const Eigen::Vector3d& other : places) sum += (other - places[k]).norm();
-    if (sum <= farthest) continue;
-    farthest = sum;
-    worst = frames[k];
-  }
-  return worst;
-}
-
 /// May this frame be excluded, too? Yes if its sensor has three frames or more and most of these
 /// stay. Yes also if most sensors stay without an excluded frame.
 bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
@@ -294,10 +269,6 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
       if (!worst || measured[i].cost > measured[*worst].cost) worst = i;
     }
     if (!worst) break;
-    if (!problem.frames[*worst].excluded) {
-      const std::size_t odd = FindOddOne(problem, agreed, *worst);
-      if (!settled[odd]) worst = odd;
-    }
     if (!LeavesMajority(problem, agreed, takes_part, *worst)) break;
     std::optional<Solution> alone = SolveAlone(problem, asked_for, *worst, agreed.solution);
     std::optional<Solution> without =

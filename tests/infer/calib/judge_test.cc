@@ -126,6 +126,14 @@ TEST(QuestionsStack, WhereASensorContradictsOthersAtTheOnlyPoseThatItHas) {
   }
 }
 
+TEST(Judge, WhatIsImprobableIsNoAlternative) {
+  for (const double log_odds : {13.0, 14.0}) {
+    Stages stages;
+    stages.joint.seen.labelled[{0, 0}].alternatives = {{0, 2, log_odds, Pose::Identity()}};
+    EXPECT_EQ(stages.Judge().alternatives.size(), log_odds > std::log(kNamedOdds) ? 0u : 1u);
+  }
+}
+
 TEST(Judge, NoSensorThatHasNotSettledIsOk) {
   Stages stages;
   stages.joint.report = {7, false, true, 0.0034, 2.5};
