@@ -6,12 +6,15 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/base/random.h"
 #include "core/geometry/part_mesh.h"
+#include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -40,35 +43,8 @@ struct Shape {
   std::vector<Solid> parts;
 };
 
-inline double Cross(const Vector2d& a, const Vector2d& b, const Vector2d& c) {
-  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
-}
-
-/// Triangles of a polygon without holes, anticlockwise: cuts ears off.
-inline std::vector<PartMesh::Triangle> Triangulated(const std::vector<Vector2d>& polygon) {
-  std::vector<int> left(polygon.size());
-  for (std::size_t i = 0; i < left.size(); ++i) left[i] = static_cast<int>(i);
-  const auto at = [&](int i) { return polygon[static_cast<std::size_t>(i)]; };
-  std::vector<PartMesh::Triangle> triangles;
-  for (std::size_t k = 0; left.size() > 3; k = (k + 1) % left.size()) {
-    const std::size_t n = left.size();
-    const int a = left[(k + n - 1) % n], b = left[k], c = left[(k + 1) % n];
-    bool ear = Cross(at(a), at(b), at(c)) > 1e-12;
-    for (const int i : left) {
-      if (i == a || i == b || i == c) continue;
-      ear = ear && !(Cross(at(a), at(b), at(i)) >= 0 && Cross(at(b), at(c), at(i)) >= 0 &&
-                     Cross(at(c), at(a), at(i)) >= 0);
-    }
-    if (!ear) continue;
-    triangles.push_back({a, b, c});
-    left.erase(left.begin() + static_cast<std::ptrdiff_t>(k));
-  }
-  triangles.push_back({left[0], left[1], left[2]});
-  return triangles;
-}
-
-/// A polygon in the plane of the two axes after `axis`, anticlockwise, drawn from `low` to `high`
-/// along it.
+/// A polygon in the plane of the two axes after `axis`, anticlockwise, all of which is seen from
+/// its first corner, drawn from `low` to `high` along it.
 inline Solid Extruded(int axis, const std::vector<Vector2d>& polygon, double low, double high) {
   Solid solid;
   const auto n = static_cast<int>(polygon.size());
@@ -80,9 +56,9 @@ inline Solid Extruded(int axis, const std::vector<Vector2d>& polygon, double low
       vertex[(axis + 2) % 3] = p.y();
     }
   }
-  for (const auto& t : Triangulated(polygon)) {
-    solid.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
-    solid.triangles.push_back({t[0], t[2], t[1]});
+  for (int i = 1; i + 1 < n; ++i) {
+    solid.triangles.push_back({n, n + i, n + i + 1});
+    solid.triangles.push_back({0, i + 1, i});
   }
   for (int i = 0; i < n; ++i) {
     const int j = (i + 1) % n;
@@ -234,6 +210,24 @@ inline Structure StructureOf(const Shape& shape) {
   for (const Solid& part : shape.parts)
     parts.push_back(Box::FromMesh(part.name, PartMesh::Make(part.vertices, part.triangles)));
   return Structure::FromBoxes(shape.name, std::move(parts));
+}
+
+/// Five of 10 to 50 cm at any yaw and tilt that overlap and hang over each other, as meshes or not.
+inline Structure RandomCuboids(std::uint64_t index, bool meshes = false) {
+  RandomStream random(4, index, "boxes");
+  const auto draw = [&] { return Vector3d{random.Normal(), random.Normal(), random.Normal()}; };
+  std::vector<Box> boxes;
+  for (int b = 0; b < 5; ++b) {
+    const std::string name = "box" + std::to_string(b);
+    const Vector3d half{random.Uniform(0.05, 0.25), random.Uniform(0.05, 0.25),
+                        random.Uniform(0.05, 0.25)};
+    const Solid solid = Cuboid(-half, half);
+    boxes.push_back(meshes ? Box::FromMesh(name, PartMesh::Make(solid.vertices, solid.triangles))
+                           : Box::FromMinMax(name, -half, half));
+    boxes.back().structure_from_box.translation() = 0.3 * draw();
+    boxes.back().structure_from_box.linear() = RotationExp(draw());
+  }
+  return Structure::FromBoxes("random", boxes);
 }
 
 inline std::string Obj(const Shape& shape) {

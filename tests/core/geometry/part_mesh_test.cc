@@ -73,35 +73,46 @@ Structure Of(const Solid& solid, const std::string& name = "part") {
   return Structure::FromBoxes("test", {PartOf(solid, name)});
 }
 
-TEST(PartMesh, ACuboidIsABox) {
-  const Structure mesh = Of(Box3(0.5, 0.3, 0.4));
-  const Structure box =
-      Structure::FromBoxes("test", {Box::FromMinMax("part", {-0.25, 0, -0.2}, {0.25, 0.3, 0.2})});
-  ASSERT_EQ(mesh.num_classes(), box.num_classes());
-  EXPECT_EQ(mesh.sides().size(), 6U);
-  EXPECT_NEAR(mesh.FloorHeight(), 0, 1e-12);
-  RandomStream random(1, 0, "cuboid");
-  int hits = 0;
-  for (int i = 0; i < 2000; ++i) {
-    const auto draw = [&](double reach) {
-      return Vector3d(random.Uniform(-reach, reach), random.Uniform(-reach, reach),
-                      random.Uniform(-reach, reach));
-    };
-    const Vector3d from = draw(2), towards = draw(0.4) - from, p = draw(0.5);
-    const RayHit a = CastRay(mesh, from, towards), b = CastRay(box, from, towards);
-    ASSERT_EQ(a.side < 0, b.side < 0);
-    if (a.side >= 0) {
-      ++hits;
-      EXPECT_NEAR(a.t, b.t, 1e-9);
-      const auto normal = [](const Structure& of, int side) {
-        return of.sides()[static_cast<std::size_t>(side)].normal;
+// Rays, distances and insides of boxes are told by their extents, those of meshes by triangles.
+TEST(PartMesh, CuboidsAreBoxes) {
+  int hits = 0, inside = 0;
+  for (std::uint64_t index = 0; index < 8; ++index) {
+    const Structure mesh = RandomCuboids(index, true), box = RandomCuboids(index);
+    ASSERT_EQ(mesh.num_classes(), box.num_classes());
+    EXPECT_EQ(mesh.sides().size(), 30U);
+    EXPECT_NEAR(mesh.FloorHeight(), box.FloorHeight(), 1e-12);
+    RandomStream random(1, index, "cuboid");
+    for (int i = 0; i < 2000; ++i) {
+      const auto draw = [&](double reach) {
+        return Vector3d(random.Uniform(-reach, reach), random.Uniform(-reach, reach),
+                        random.Uniform(-reach, reach));
       };
-      EXPECT_LT((normal(mesh, a.side) - normal(box, b.side)).norm(), 1e-9);
+      const Vector3d from = draw(2.5), towards = draw(0.8) - from, p = draw(1);
+      const RayHit a = CastRay(mesh, from, towards), b = CastRay(box, from, towards);
+      ASSERT_EQ(a.side < 0, b.side < 0);
+      EXPECT_EQ(a.t < 1e9, a.side >= 0);
+      const auto side = [](const Structure& of, int number) {
+        return of.sides()[static_cast<std::size_t>(number)];
+      };
+      if (a.side >= 0) {
+        ++hits;
+        EXPECT_NEAR(a.t, b.t, 1e-9);
+        EXPECT_LT((side(mesh, a.side).normal - side(box, b.side).normal).norm(), 1e-9);
+        EXPECT_EQ(side(mesh, a.side).box, side(box, b.side).box);
+      }
+      const SurfaceDistance of_mesh = DistanceToSurface(mesh, p),
+                            of_box = DistanceToSurface(box, p);
+      EXPECT_NEAR(of_mesh.distance, of_box.distance, 1e-9);
+      for (const auto& [structure, distance] : {std::pair(&mesh, of_mesh), {&box, of_box}}) {
+        const Vector3d closest = side(*structure, distance.side).ClosestPoint(p);
+        EXPECT_NEAR((closest - p).norm(), distance.distance, 1e-9);
+      }
+      EXPECT_EQ(mesh.Contains(p), box.Contains(p));
+      inside += box.Contains(p);
     }
-    EXPECT_NEAR(DistanceToSurface(mesh, p).distance, DistanceToSurface(box, p).distance, 1e-9);
-    EXPECT_EQ(mesh.Contains(p), box.Contains(p));
   }
-  EXPECT_GT(hits, 500);
+  EXPECT_GT(hits, 3000);
+  EXPECT_GT(inside, 100);
 }
 
 TEST(PartMesh, FacetsHaveOutlinesBordersAndAreas) {

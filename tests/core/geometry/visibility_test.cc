@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -26,125 +25,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 Structure PaperStructure() { return ReadStructure("configs/structure.yaml"); }
 
-/// Boxes at any yaw and tilt that overlap and hang over each other.
-Structure RandomStructure(std::uint64_t index) {
-  RandomStream random(4, index, "boxes");
-  std::vector<Box> boxes;
-  for (int b = 0; b < 5; ++b) {
-    Box box;
-    box.name = "box" + std::to_string(b);
-    box.size = {random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5), random.Uniform(0.1, 0.5)};
-    box.structure_from_box.translation() =
-        0.3 * Vector3d{random.Normal(), random.Normal(), random.Normal()};
-    box.structure_from_box.linear() =
-        RotationExp(Vector3d{random.Normal(), random.Normal(), random.Normal()});
-    boxes.push_back(box);
-  }
-  return Structure::FromBoxes("random", boxes);
-}
-
-struct Triangle {
-  std::array<Vector3d, 3> p;
-  int box = 0;
-  int label = 0;
-};
-
-/// Two triangles a side, from the boxes' corners alone. Which side they form is told from the
-/// definition of the faces (front +x, back -x, up +y, down -y, right +z, left -z).
-std::vector<Triangle> Triangles(const Structure& structure) {
-  const char* const names[3][2] = {{"back", "front"}, {"down", "up"}, {"left", "right"}};
-  const std::vector<std::string> labels = structure.SideNames();
-  std::vector<Triangle> triangles;
-  for (std::size_t b = 0; b < structure.boxes().size(); ++b) {
-    const Box& box = structure.boxes()[b];
-    const mesh_shapes::Solid solid = mesh_shapes::Cuboid(-box.size / 2, box.size / 2);
-    for (const auto& corners : solid.triangles) {
-      Triangle& triangle = triangles.emplace_back();
-      triangle.box = static_cast<int>(b);
-      Vector3d middle = Vector3d::Zero();
-      for (std::size_t k = 0; k < 3; ++k) {
-        const Vector3d& corner = solid.vertices[static_cast<std::size_t>(corners[k])];
-        middle += corner.cwiseQuotient(box.size);
-        triangle.p[k] = box.structure_from_box * corner;
-      }
-      int axis = 0;
-      middle.cwiseAbs().maxCoeff(&axis);
-      const std::string side = box.name + "/" + names[axis][middle[axis] > 0];
-      const auto label = std::find(labels.begin(), labels.end(), side);
-      if (label != labels.end()) triangle.label = static_cast<int>(label - labels.begin()) + 1;
-    }
-  }
-  return triangles;
-}
-
-struct Crossing {
-  double t = kInfinity;
-  int label = 0;
-  int box = -1;
-  double edge = kInfinity;  ///< least barycentric coordinate: small near an edge
-};
-
-/// Moeller-Trumbore against every triangle, nearest first hit from the front (t > 0).
-Crossing BruteForceCast(const std::vector<Triangle>& triangles, const Vector3d& origin,
-                        const Vector3d& direction) {
-  Crossing best;
-  for (const Triangle& triangle : triangles) {
-    const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
-    const Vector3d h = direction.cross(e2);
-    const double det = e1.dot(h);
-    if (std::abs(det) < 1e-15) continue;
-    const Vector3d s = origin - triangle.p[0];
-    const double u = s.dot(h) / det;
-    const Vector3d q = s.cross(e1);
-    const double v = direction.dot(q) / det;
-    const double t = e2.dot(q) / det;
-    if (u < -1e-9 || v < -1e-9 || u + v > 1 + 1e-9 || t <= 0 || t >= best.t) continue;
-    // The diagonal between the two triangles of a side is no edge of it.
-    best = {t, triangle.label, triangle.box,
-            std::min({std::abs(u), std::abs(v), std::abs(1 - u - v)})};
-  }
-  return best;
-}
-
-TEST(CastRay, AgreesWithTriangles) {
-  for (std::uint64_t index = 0; index < 8; ++index) {
-    const Structure structure = index == 0 ? PaperStructure() : RandomStructure(index);
-    const auto triangles = Triangles(structure);
-    RandomStream random(4, index, "rays");
-    int hits = 0;
-    for (int i = 0; i < 4000; ++i) {
-      const Vector3d origin =
-          2.5 * Vector3d{random.Normal(), random.Normal(), random.Normal()}.normalized();
-      const Vector3d aim{random.Uniform(-0.7, 0.7), random.Uniform(-0.9, 0.9),
-                         random.Uniform(-0.7, 0.7)};
-      const Vector3d direction = random.Uniform(0.3, 2) * (aim - origin);
-      const Crossing expected = BruteForceCast(triangles, origin, direction);
-      const RayHit hit = CastRay(structure, origin, direction);
-      ASSERT_EQ(hit.side >= 0, expected.box >= 0) << i;
-      if (hit.side < 0) {
-        EXPECT_EQ(hit.t, kInfinity);
-        continue;
-      }
-      ++hits;
-      EXPECT_NEAR(hit.t, expected.t, 1e-10);
-      const Side& side = structure.sides()[static_cast<std::size_t>(hit.side)];
-      if (expected.edge < 1e-6) continue;
-      EXPECT_EQ(side.label, expected.label);
-      EXPECT_EQ(side.box, expected.box);
-      // The hit lies on the side that it names.
-      EXPECT_LT(
-          (side.ClosestPoint(origin + hit.t * direction) - (origin + hit.t * direction)).norm(),
-          1e-9);
-      EXPECT_LT(side.normal.dot(direction), 0);
-    }
-    EXPECT_GT(hits, 500);
-  }
-}
-
+// Boxes that stand askew are compared with meshes in part_mesh_test.
 TEST(CastRay, ClosedForms) {
   const Structure box = Structure::FromBoxes("s", {Box::FromMinMax("a", {-1, -1, -1}, {1, 1, 1})});
   const auto cast = [&](const Vector3d& o, const Vector3d& d) { return CastRay(box, o, d); };
@@ -207,41 +90,14 @@ TEST(CastView, IsWhatItsRaysHit) {
   for (std::uint64_t i = 0; i < 12; ++i) {
     const double phi = random.Uniform(0, 6.28), rho = random.Uniform(1.0, 3.0);
     const Vector3d position(rho * std::cos(phi), random.Uniform(-0.7, 0.9), rho * std::sin(phi));
-    EXPECT_GT(count_hits(RandomStructure(i), LookAt(position, {0, 0, 0}, random.Uniform(-3, 3))),
+    EXPECT_GT(count_hits(mesh_shapes::RandomCuboids(i),
+                         LookAt(position, {0, 0, 0}, random.Uniform(-3, 3))),
               20);
   }
   const Structure paper = PaperStructure();
   EXPECT_GT(count_hits(paper, LookAt({0.4, 0.3, 0.4}, {0, 0, 0}, 0.4)), 100);
   EXPECT_EQ(count_hits(paper, LookAt({2, 0.3, 0.4}, {4, 0, 0}, 0)), 0);
   EXPECT_GT(count_hits(paper, LookAt({0.9, 0, -1}, {0.9, 0.1, 2}, 0)), 5);  // at the border only
-}
-
-TEST(DistanceToSurface, AgreesWithDenseSampling) {
-  for (std::uint64_t index = 0; index < 2; ++index) {
-    const Structure structure = index == 0 ? PaperStructure() : RandomStructure(99);
-    constexpr double kStep = 0.01;
-    std::vector<std::pair<Vector3d, int>> samples;
-    for (const Triangle& triangle : Triangles(structure)) {
-      const Vector3d e1 = triangle.p[1] - triangle.p[0], e2 = triangle.p[2] - triangle.p[0];
-      const int n = static_cast<int>(std::max(e1.norm(), e2.norm()) / kStep) + 1;
-      for (int i = 0; i <= n; ++i) {
-        for (int j = 0; i + j <= n; ++j)
-          samples.emplace_back(triangle.p[0] + e1 * i / n + e2 * j / n, triangle.box);
-      }
-    }
-    RandomStream random(4, index, "distance");
-    for (int i = 0; i < 150; ++i) {
-      const Vector3d p{random.Uniform(-1, 1), random.Uniform(-1, 1), random.Uniform(-1, 1)};
-      double best = kInfinity;
-      for (const auto& [q, box] : samples) best = std::min(best, (q - p).norm());
-      const SurfaceDistance distance = DistanceToSurface(structure, p);
-      EXPECT_LE(distance.distance, best + 1e-9);
-      EXPECT_GE(distance.distance, best - kStep);
-      ASSERT_GE(distance.side, 0);
-      const Side& side = structure.sides()[static_cast<std::size_t>(distance.side)];
-      EXPECT_NEAR((side.ClosestPoint(p) - p).norm(), distance.distance, 1e-12);
-    }
-  }
 }
 
 /// Boxes at random yaws that stand on each other, hang over and stick into each other.
