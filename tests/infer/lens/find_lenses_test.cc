@@ -48,11 +48,8 @@ LensSet Find(std::vector<SensorFrame> frames, const std::string& kind, bool per_
 
 /// Radius, on the plane z = 1, that a lens shows where the true one shows `radius`.
 double RadiusShown(const Intrinsics& found, const Intrinsics& truth, double radius) {
-  const double r2 = radius * radius;
-  const auto& d = truth.distortion;
-  const double factor =
-      (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]))) / (1 + r2 * (d[5] + r2 * (d[6] + r2 * d[7])));
-  return RayThroughLens(found, found.cx + truth.fx * radius * factor, found.cy).norm();
+  const double bent = BendRay(truth, {radius, 0}).bent.x();
+  return RayThroughLens(found, found.cx + truth.fx * bent, found.cy).norm();
 }
 
 TEST(FindLenses, WallsTellTheLensOfAnUnknownKind) {

@@ -30,24 +30,6 @@ Intrinsics Skewed() {
   return lens;
 }
 
-// A tilted plane, through lenses whose rays are testing_infer's own.
-TEST(SensorView, PointsThroughALensLieWhereTheyWereMeasured) {
-  const Eigen::Vector3d normal = Eigen::Vector3d(0.3, -0.2, 1).normalized();
-  for (const Intrinsics& lens : {KinectWithLens(), Skewed()}) {
-    const RayTable rays = RaysThroughLens(lens);
-    DepthImage depth(lens.width, lens.height);
-    for (const auto [u, v] : Pixels(depth))
-      depth(u, v) =
-          static_cast<float>(1.8 / normal.dot(rays.at(u, v).cast<double>().homogeneous()));
-    const SensorView view = MakeSensorView(depth, lens);
-    ASSERT_EQ(view.depth, depth);
-    for (const auto [u, v] : Pixels(depth)) {
-      const Eigen::Vector3d expected = depth(u, v) * rays.at(u, v).cast<double>().homogeneous();
-      ASSERT_LT((view.Point(u, v) - expected).norm(), 1e-4) << u << " " << v;
-    }
-  }
-}
-
 TEST(SensorView, PixelsBeyondTheFoldOfALensHaveNoDepth) {
   // r (1 - 0.5 r^2) rises up to 0.5443.
   const Intrinsics k{320, 288, 252.4, 251.9, 163.2, 165.7, {-0.5, 0, 0, 0}};
@@ -87,7 +69,7 @@ TEST(SensorView, PixelAreaIsThatOfTheSurface) {
 }
 
 // Each pixel's area is that between the rays half a pixel beside it; together they fill what the
-// rays of the picture's outline enclose. The rays are testing_infer's own.
+// rays of the picture's outline enclose.
 TEST(SensorView, AreasOfRaysAreThoseBetweenTheirNeighbours) {
   for (const Intrinsics& lens : {Kinect(), KinectWithLens(), Skewed()}) {
     SCOPED_TRACE(lens.distortion.size());

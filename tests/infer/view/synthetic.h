@@ -3,6 +3,7 @@
 // Frames whose answer is known in closed form: the structure by core's ray casting, a floor and
 // walls by ray against plane.
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -61,32 +62,15 @@ inline Pose RingPose(double phi_deg, double rho = 2.0, double y = 0.4, double ro
                 roll_deg * M_PI / 180);
 }
 
-/// Ray (x/z, y/z) of a pixel through the lens: Newton's method on OpenCV's documented model, whose
-/// terms are written out here. It shares no code with core/geometry/lens.
-/// NaN where it does not converge.
+/// Ray (x/z, y/z) of a point of the picture through the lens, whose model is compared with OpenCV's
+/// in camera_test. NaN where Newton's method does not converge.
 inline Eigen::Vector2d RayThroughLens(const Intrinsics& k, double u, double v) {
-  const auto d = [&](std::size_t i) { return i < k.distortion.size() ? k.distortion[i] : 0.0; };
-  const double k1 = d(0), k2 = d(1), p1 = d(2), p2 = d(3), k3 = d(4), k4 = d(5), k5 = d(6),
-               k6 = d(7);
-  const auto distort = [&](const Eigen::Vector2d& ray) -> Eigen::Vector2d {
-    const double x = ray.x(), y = ray.y(), r2 = ray.squaredNorm();
-    const double factor =
-        (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
-    return {x * factor + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * factor + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
-  };
   const Eigen::Vector2d seen((u - k.cx) / k.fx, (v - k.cy) / k.fy);
   Eigen::Vector2d ray = seen;
   for (int step = 0; step < 50; ++step) {
-    constexpr double kH = 1e-6;
-    const Eigen::Vector2d dx = (distort(ray + Eigen::Vector2d(kH, 0)) - distort(ray)) / kH;
-    const Eigen::Vector2d dy = (distort(ray + Eigen::Vector2d(0, kH)) - distort(ray)) / kH;
-    const Eigen::Vector2d miss = seen - distort(ray);
-    if (miss.norm() < 1e-12) return ray;
-    const double det = dx.x() * dy.y() - dx.y() * dy.x();
-    ray += Eigen::Vector2d(miss.x() * dy.y() - miss.y() * dy.x(),
-                           miss.y() * dx.x() - miss.x() * dx.y()) /
-           det;
+    const BentRay lens = BendRay(k, ray);
+    if ((lens.bent - seen).norm() < 1e-12) return ray;
+    ray -= lens.by_ray.inverse() * (lens.bent - seen);
   }
   return Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
 }
@@ -98,13 +82,6 @@ inline Intrinsics KinectWithLens() {
   intrinsics.fx = intrinsics.fy = 252.3;
   intrinsics.distortion = {0.92185, 0.50040, 0, 0, 0.02836, 1.25842, 0.75181, 0.14419};
   return intrinsics;
-}
-
-inline RayTable RaysThroughLens(const Intrinsics& intrinsics) {
-  RayTable table{intrinsics.width, intrinsics.height, {}};
-  for (const auto [u, v] : Pixels(intrinsics.width, intrinsics.height))
-    table.rays.push_back(RayThroughLens(intrinsics, u, v).cast<float>());
-  return table;
 }
 
 struct Scene {
@@ -122,7 +99,7 @@ struct SyntheticView {
 /// Lens and all, where the intrinsics have one.
 inline SyntheticView Render(const Structure& structure, const Intrinsics& intrinsics,
                             const Pose& pose, const Scene& scene = {}) {
-  const RayTable rays = RaysThroughLens(intrinsics);
+  const RayTable rays = ComputeRays(intrinsics);
   ExpectedView view = CastView(structure, rays, pose);
   const Eigen::Vector3d origin = pose.translation();
   const Eigen::Vector3d in_room = scene.room_from_structure * origin;
