@@ -17,7 +17,6 @@
 
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"
-#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
 #include "train/trainer.h"
@@ -29,27 +28,24 @@ namespace fs = std::filesystem;
 using std::chrono::microseconds;
 
 /// Rows, states and checkpoints come at numbers of samples that do not divide each other.
-TrainConfig KillConfig(OptimizerKind optimizer) {
-  TrainConfig config = ConfigOf(R"(
+TrainConfig KillConfig() {
+  return ConfigOf(R"(
 model: {base_channels: 2, residual_blocks: 1, normalization: batch}
 optim: {lr: 3e-3, schedule: one_cycle, warmup_samples: 8, ema_decay: 0.9}
 run: {samples: 60, batch_size: 2, log_every: 6, checkpoint_every: 4, validate_every: 10,
       validation_samples: 2})");
-  config.optim.optimizer = optimizer;
-  return config;
 }
 
 /// Trains in a process of its own, which the caller may kill; LibTorch stays unused in this one, so
 /// that its threads are no matter.
-pid_t Start(OptimizerKind optimizer, const fs::path& run_dir) {
+pid_t Start(const fs::path& run_dir) {
   const pid_t child = ::fork();
   if (child != 0) return child;
   int status = 1;
   try {
     SetTorchThreads(1);
     const TrainOptions options = QuietRun(run_dir, 0, fs::exists(run_dir / "config.yaml"));
-    if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(optimizer), options).finished)
-      status = 0;
+    if (TrainOn(SyntheticData(2, 32, 1u << 20), KillConfig(), options).finished) status = 0;
   } catch (const std::exception& e) {
     fmt::print(stderr, "{}\n", e.what());
   }
@@ -87,17 +83,14 @@ bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool wh
   return WIFSIGNALED(status);
 }
 
-class Kill : public testing::TestWithParam<OptimizerKind> {};
-
-// VOLALIGN_KILLS=N kills N times instead of 30; of the optimizers that are no default in long runs
-// alone.
-TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
+// VOLALIGN_KILLS=N kills N times instead of 30. trainer_test resumes runs of every optimizer.
+TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
   const char* wanted = std::getenv("VOLALIGN_KILLS");
   const int kills = wanted ? std::atoi(wanted) : 30;
   const TempFolder folder;
   int status = 1;
   const auto start = std::chrono::steady_clock::now();
-  ::waitpid(Start(GetParam(), folder / "whole"), &status, 0);
+  ::waitpid(Start(folder / "whole"), &status, 0);
   ASSERT_EQ(status, 0);
   const auto span =
       std::chrono::duration_cast<microseconds>(std::chrono::steady_clock::now() - start);
@@ -111,7 +104,7 @@ TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
       // Moments within the first third, so that several kills fall on one run.
       const microseconds moment(random() % static_cast<unsigned>(span.count() / 3 + 1));
       const bool while_writing = done < kills && random() % 2 == 0;
-      const pid_t child = Start(GetParam(), run_dir);
+      const pid_t child = Start(run_dir);
       if (done >= kills) {
         ::waitpid(child, &status, 0);
         ASSERT_EQ(status, 0);
@@ -136,14 +129,6 @@ TEST_P(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
   fmt::print("{} kills of {} runs, {} of them while a file was being written\n", done, runs,
              in_files);
 }
-
-std::vector<OptimizerKind> Optimizers() {
-  std::vector<OptimizerKind> kinds = {OptimizerKind::kAdam};
-  if (Rounds(0, 1) == 1) kinds.push_back(OptimizerKind::kAdamW);
-  return kinds;
-}
-
-INSTANTIATE_TEST_SUITE_P(Optimizers, Kill, testing::ValuesIn(Optimizers()));
 
 }  // namespace
 }  // namespace volalign::kill_test

@@ -355,17 +355,6 @@ TEST(RandomStream, BelowIsUniformOverTheIntegers) {
   for (int i = 0; i < 100; ++i) EXPECT_EQ(stream.Below(1), 0);
 }
 
-TEST(RandomStream, ChanceHasItsProbability) {
-  RandomStream stream(3, 3, "chance");
-  int hits = 0;
-  for (int i = 0; i < 40000; ++i) hits += stream.Chance(0.3) ? 1 : 0;
-  EXPECT_NEAR(hits / 40000.0, 0.3, 4.5 * std::sqrt(0.21 / 40000));
-  for (int i = 0; i < 1000; ++i) {
-    EXPECT_FALSE(stream.Chance(0));
-    EXPECT_TRUE(stream.Chance(1));
-  }
-}
-
 TEST(RandomStream, NormalHasTheNormalLaw) {
   RandomStream stream(3, 4, "normal");
   double neighbours = 0, last = stream.Normal();
@@ -380,9 +369,10 @@ TEST(RandomStream, NormalHasTheNormalLaw) {
             2.2 / std::sqrt(kDraws));
 }
 
-TEST(RandomStream, TakesAnIntervalOrMeanAndSigma) {
+TEST(RandomStream, DrawsAllElseByTheseTwoLaws) {
   RandomStream a(9, 9, "x"), b(9, 9, "x");
   for (int i = 0; i < 10; ++i) {
+    EXPECT_EQ(a.Chance(0.3), b.Uniform() < 0.3);
     EXPECT_DOUBLE_EQ(a.Normal(2, 0.5), 2 + 0.5 * b.Normal());
     EXPECT_DOUBLE_EQ(a.Uniform(-15, 75), -15 + 90 * b.Uniform());
   }
