@@ -14,7 +14,7 @@ VOLALIGN_BUILD_PACKAGES=(
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file iproute2 python3 python3-numpy python3-pil python3-pytest python3-torch)
 # For the test of report.html, which is left out without them: 80 MB to fetch, 350 MB installed. CI has them.
-VOLALIGN_BROWSER_PACKAGES=(chromium fonts-dejavu-core)
+VOLALIGN_BROWSER_PACKAGES=(chromium chromium-driver fonts-dejavu-core python3-selenium)
 # For the tests that compare with other programs' readers and writers, beside tests/requirements.txt, and for the reference of the headers; likewise.
 VOLALIGN_READERS_PACKAGES=(mkvtoolnix python3-venv doxygen)
 # llvm-14 has the symbolizer, which names the functions in a sanitizer's report.

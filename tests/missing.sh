@@ -8,7 +8,8 @@ modules='onnxruntime open3d pycolmap pyrealsense2 imageio_ffmpeg tensorboard tri
 "$python" -c "from importlib.util import find_spec; import sys; sys.exit(not all(map(find_spec, '$modules'.split())))" ||
   without pypi "the packages of tests/requirements.txt"
 [ -d "${VOLALIGN_CAPTURES:-/none}" ] || without frames "VOLALIGN_CAPTURES, a folder of real frames"
-for tool in chromium doxygen mkvmerge; do command -v "$tool" >/dev/null || without "$tool" "the program $tool"; done
+command -v chromedriver >/dev/null && "$python" -c 'import selenium' 2>/dev/null || without chromium "the programs chromium and chromedriver, and Selenium"
+for tool in doxygen mkvmerge; do command -v "$tool" >/dev/null || without "$tool" "the program $tool"; done
 for flag in avx2 avx512_bf16; do grep -qw "$flag" /proc/cpuinfo || without "$flag" "the processor's $flag"; done
 [ -e /usr/include/gloo/config.h ] || without gloo "the package libgloo-dev"
 "$python" -c 'import sys, torch; sys.exit(not torch.cuda.is_available())' 2>/dev/null || without gpu "a GPU that LibTorch uses"

@@ -3,7 +3,7 @@
 
     tests/report/page_test.py FOLDER     (of make_report.py)
 
-Needs Chromium (Debian package chromium; WebGL is drawn by its software renderer).
+Needs Chromium and Selenium (Debian packages chromium-driver and python3-selenium; WebGL is drawn by a software renderer).
 """
 
 import contextlib
@@ -15,6 +15,7 @@ import sys
 import unittest
 
 import numpy as np
+from selenium.webdriver.common.keys import Keys
 
 from browser import Browser
 from make_report import NOTE
@@ -131,13 +132,13 @@ class ReportPage(unittest.TestCase):
         self.page.evaluate("document.activeElement.blur(), document.querySelector('.skip').focus()")
         reached = set()
         for _ in range(80):
-            self.page.press("Tab")
+            self.page.press(Keys.TAB)
             reached.add(self.page.evaluate("document.activeElement.value || document.activeElement.tagName"))
             if self.page.evaluate("document.activeElement.value") == "points":
                 points = self.state()["points"]
-                self.page.press(" ", text=" ")
+                self.page.press(" ")
                 self.assertLess(self.state()["points"], points)
-                self.page.press(" ", text=" ")
+                self.page.press(" ")
         for control in LAYERS + PLACED + ["sensor", "overview", "CANVAS"]:
             self.assertIn(control, reached)
 
