@@ -72,6 +72,16 @@ def is_wrong(error):
     return bool(error[0] > WRONG_M or error[1] > WRONG_DEG)
 
 
+def best_rigid(source, target):
+    """Rigid transform that minimises the sum of |target - T source|^2 (Kabsch)."""
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    u, _, vt = np.linalg.svd((target - b).T @ (source - a))
+    transform = np.eye(4)
+    transform[:3, :3] = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    transform[:3, 3] = b - transform[:3, :3] @ a
+    return transform
+
+
 def best_motion(estimates, truths):
     """The motion that takes estimates onto truths best: by each sensor's position and the points 1 m from it along its axes, over the
     sensors that it does not leave wrong. It begins with the one that makes a single sensor right and the fewest others wrong."""
@@ -85,11 +95,7 @@ def best_motion(estimates, truths):
     motion = min(starts, key=lambda m: sum(min(error[0], WRONG_M) + is_wrong(error) for error in left(m)))
     for _ in range(5):
         right = [i for i, error in enumerate(left(motion)) if not is_wrong(error)]
-        a, b = (np.vstack([side[i] for i in right]) for side in points)
-        u, _, v = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
-        motion = np.eye(4)
-        motion[:3, :3] = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-        motion[:3, 3] = b.mean(0) - motion[:3, :3] @ a.mean(0)
+        motion = best_rigid(*(np.vstack([side[i] for i in right]) for side in points))
     return motion
 
 

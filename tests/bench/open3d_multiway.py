@@ -25,7 +25,7 @@ import numpy as np
 import open3d as o3d
 
 from common import D415, KINECT, run
-from accuracy import errors
+from accuracy import best_rigid, errors
 
 SENSORS = [KINECT, D415]
 
@@ -103,16 +103,6 @@ def multiway(clouds, initial, voxel, setting):
         registration.GlobalOptimizationOption(max_correspondence_distance=fine, edge_prune_threshold=0.25,
                                               reference_node=0))
     return [np.array(node.pose) for node in graph.nodes], time.perf_counter() - start
-
-
-def best_rigid(source, target):
-    """Rigid transform that minimises the sum of |target - T source|^2 (Kabsch)."""
-    a, b = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - b).T @ (source - a))
-    rotation = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
-    transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotation, b - rotation @ a
-    return transform
 
 
 def moved(pose, points):

@@ -50,7 +50,7 @@ class Packages(unittest.TestCase):
         cls.work = os.path.join(cls.folder, "work")
         os.makedirs(cls.work)
         cls.use("volalign", "render", "--rig", "configs/rig_ring8.yaml", "-o", "capture")
-        for model, out in (("pt", "calibration"), ("onnx", "by_onnx")):
+        for model, out in (("safetensors", "calibration"), ("onnx", "by_onnx")):
             cls.use("volalign", "calibrate", "--capture", "capture/capture.json", "--model", f"models/m05-lite.{model}", "-o", out)
         cls.list, _ = write_list(os.path.join(cls.work, "capture", "capture.json"), cls.work)
 
