@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -17,7 +16,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "core/formats/image_io.h"
 #include "core/geometry/metrics.h"
@@ -32,7 +30,6 @@
 #include "render/egl/gl_depth_renderer.h"
 #include "render/rig.h"
 #include "tests/core/base/long_tests.h"
-#include "tests/core/base/temp_folder.h"
 #include "tests/core/geometry/within.h"
 
 namespace volalign::end_to_end_test {
@@ -59,8 +56,7 @@ CalibrationResult CalibrateWithoutAModel(const std::vector<SensorFrame>& frames)
 
 // The bounds of this file are one and a half times the largest error that was measured over the
 // sensors of the same test when they were set: 15.7 mm and 0.38 deg for the rig as shipped, 13.8
-// mm and 0.31 deg (7.4 mm in the median) for its other seeds, 18.0 mm and 0.47 deg for two
-// neighbours of a wrong focal length.
+// mm and 0.31 deg (7.4 mm in the median) for its other seeds.
 void ExpectWithin(const FrameResult& sensor, double translation_m, double rotation_deg,
                   const std::string& where) {
   ASSERT_TRUE(sensor.error.has_value()) << where << " " << sensor.name << ": " << sensor.reason;
@@ -133,58 +129,6 @@ TEST_F(EndToEnd, ASensorThatSeesNoStructureFails) {
     if (seed >= 1006) continue;
     const CalibrationResult result = CalibrateWithoutAModel(Render(empty));
     EXPECT_EQ(result.sensors[0].code, SensorCode::kNoStructure) << FormatReport(result);
-  }
-}
-
-/// A network that was trained on one stack, shown others.
-TEST_F(EndToEnd, AStackBuiltOtherwiseIsNamed) {
-  const Structure described = ReadStructure("configs/structure.yaml");
-  const auto with = [&](const std::vector<std::array<double, 4>>& footprints) {
-    std::vector<Box> boxes = described.boxes();
-    for (std::size_t i = 0; i < boxes.size(); ++i) {
-      const auto& [x0, x1, z0, z1] = footprints[i];
-      const double y0 = -0.81 + 0.405 * static_cast<double>(i);
-      boxes[i] = Box::FromMinMax(boxes[i].name, Eigen::Vector3d(x0, y0, z0),
-                                 Eigen::Vector3d(x1, y0 + 0.405, z1));
-    }
-    return Structure::FromBoxes("built", boxes, described.SideNames());
-  };
-  const std::array<double, 4> bottom{-0.28, 0.275, -0.165, 0.165},
-      mid_bottom{-0.28, 0.05, -0.39, 0.165}, mid_top{-0.505, 0.05, -0.165, 0.165},
-      top{-0.28, 0.05, -0.165, 0.39};
-  struct Case {
-    Structure built;
-    std::string sentence;
-  };
-  std::vector<Case> cases = {
-      {with({bottom, mid_bottom, top, mid_top}), "boxes mid_top and top are swapped"},
-      {with({bottom, top, mid_top, mid_bottom}), "the stack or the frames are mirrored"},
-      {with({bottom, mid_bottom, top, top}), "box mid_top is turned by 270 deg"}};
-  cases.resize(Rounds(1, cases.size()));
-  const TempFolder folder;
-  for (const Case& c : cases) {
-    WriteFileAtomically(folder / "built.yaml", StructureYaml(c.built));
-    Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-    rig.structure = (folder / "built.yaml").string();
-    rig.seed = 5;
-    const CalibrationResult result = CalibrateFrames(Render(rig));
-    ASSERT_TRUE(result.assembly.has_value());
-    EXPECT_EQ(result.assembly->arrangement.sentence, c.sentence) << FormatReport(result);
-    EXPECT_EQ(result.placed(), 0);
-  }
-}
-
-TEST_F(EndToEnd, AWrongFocalLengthIsNamed) {
-  Rig rig = ReadRig(ConfigSource::FromFile("configs/rig_ring8.yaml"));
-  std::vector<SensorFrame> frames = Render(rig);
-  frames.resize(3);
-  frames[1].intrinsics.fx *= 1.15;
-  frames[1].intrinsics.fy *= 1.15;
-  const CalibrationResult result = CalibrateFrames(frames);
-  EXPECT_EQ(result.sensors[1].code, SensorCode::kIntrinsicsSuspect) << FormatReport(result);
-  for (const std::size_t i : {0u, 2u}) {
-    EXPECT_EQ(result.sensors[i].status, SensorStatus::kOk) << FormatReport(result);
-    ExpectWithin(result.sensors[i], 0.027, 0.70, "beside a wrong focal length");
   }
 }
 

@@ -73,6 +73,19 @@ TEST(CheckRequest, NamesWhatIsWrongWithTheFrames) {
       {[](Request* request) { request->OfSecond(1).intrinsics.fx = 6; },
        {"\"B\"", "intrinsics", "first", "second"}},
       {[](Request* request) { request->OfSecond(0).sensor = "other"; }, {"\"A\"", "kind"}},
+      {[](Request* request) {
+         request->OfSecond(0).prior = PosePrior{Pose::Identity(), PriorWorld::kStructure, 0.05, 3};
+         request->OfSecond(1).prior = PosePrior{Pose::Identity(), PriorWorld::kMetric, 0.05, 3};
+       },
+       {"\"A\"", "\"B\"", "different worlds"}},
+      {[](Request* request) {
+         request->OfSecond(0).prior = PosePrior{Pose::Identity(), PriorWorld::kStructure, 0, 3};
+       },
+       {"\"A\"", "standard deviation of 0"}},
+      {[](Request* request) {
+         request->OfSecond(1).prior = PosePrior{Pose::Identity(), PriorWorld::kMetric, 0.05, 1e9};
+       },
+       {"\"B\"", "standard deviation of 1"}},
       {[](Request* request) { request->Measure(1, 1, 2); },
        {"\"B\"", "same depth map", "first", "second"}},
   };

@@ -14,6 +14,7 @@
 #include "infer/report/report.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -63,6 +64,31 @@ TEST(Hypotheses, NothingIsSaidOfARigThatIsAsDescribed) {
   const CalibrationResult result = CalibrateByShape(Four().frames, Four().structure);
   EXPECT_TRUE(result.findings.empty()) << FormatReport(result);
   EXPECT_EQ(result.verdict(), SensorStatus::kOk) << FormatReport(result);
+  EXPECT_TRUE(Has(FormatReport(result), "  geometry  "));
+  for (const FrameResult& sensor : result.sensors) {
+    EXPECT_TRUE(Within(sensor.error.value(), 0.004, 0.2)) << sensor.name;
+    EXPECT_EQ(sensor.initial_source, PoseSource::kGeometry);
+  }
+}
+
+TEST(Hypotheses, AWrongDescriptionIsNamed) {
+  std::vector<Box> boxes = Boxes().boxes();
+  std::swap(boxes[1].size.x(), boxes[1].size.z());
+  const CalibrationResult result =
+      CalibrateByShape(Four().frames, Structure::FromBoxes("turned", boxes));
+  ASSERT_TRUE(result.assembly.has_value());
+  EXPECT_EQ(result.assembly->arrangement.sentence, "box middle is turned by 90 deg");
+  for (const FrameResult& sensor : result.sensors)
+    EXPECT_EQ(sensor.code, SensorCode::kAssemblyTurned) << sensor.reason;
+}
+
+TEST(Hypotheses, AMirroredFrameIsNamed) {
+  Rig rig = ThreeSensors();  // of a stack that is unlike its mirror image
+  FlipFrame(rig.structure, &rig.frames[1], &rig.labels[1]);
+  const CalibrationResult result = CalibrateByShape(rig.frames, rig.structure);
+  for (std::size_t i = 0; i < 3; ++i)
+    EXPECT_EQ(result.sensors[i].code, i == 1 ? SensorCode::kFrameMirrored : SensorCode::kNone)
+        << result.sensors[i].reason;
 }
 
 // Two percent of depth_scale make 40 mm of the sensors' positions.

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -170,17 +171,34 @@ TEST(Judge, FiguresAreOfTheReportedPoseNotOfTheOwnOne) {
   EXPECT_LT(result.sensors[2].sides.size(), found);
 }
 
-TEST(Judge, APoseIsWeakIfUncertainOrOfFewInliersOrSuspectIntrinsics) {
-  Stages uncertain, few, suspect;
-  uncertain.Refined(2).covariance *= 1000;
-  EXPECT_EQ(uncertain.Judge().sensors[2].code, SensorCode::kUncertain);
-  few.joint.located[{0, 1}] = Finding{SensorCode::kNoDepth, "", ""};
-  DepthImage& depth = few.joint.seen.views[{0, 2}].depth;
-  for (std::size_t i = 0; i < depth.size(); i += 4) depth[i] *= 1.1F;
-  EXPECT_EQ(few.Judge().sensors[2].code, SensorCode::kFewInliers);
-  std::get<LocatedFrame>(suspect.joint.located[{0, 2}]).suspect_intrinsics =
-      Finding{SensorCode::kIntrinsicsSuspect, "", ""};
-  EXPECT_EQ(suspect.Judge().sensors[2].code, SensorCode::kIntrinsicsSuspect);
+TEST(Judge, APoseIsWeakByWhatIsItsOwn) {
+  const auto code = [](const std::function<void(Stages*)>& spoil) {
+    Stages stages;
+    spoil(&stages);
+    const FrameResult sensor = stages.Judge().sensors[2];
+    EXPECT_EQ(sensor.status, SensorStatus::kWeak) << sensor.reason;
+    return sensor.code;
+  };
+  EXPECT_EQ(code([](Stages* stages) { stages->Refined(2).covariance *= 1000; }),
+            SensorCode::kUncertain);
+  EXPECT_EQ(code([](Stages* stages) {
+              stages->joint.located[{0, 1}] = Finding{SensorCode::kNoDepth, "", ""};
+              DepthImage& depth = stages->joint.seen.views[{0, 2}].depth;
+              for (std::size_t i = 0; i < depth.size(); i += 4) depth[i] *= 1.1F;
+            }),
+            SensorCode::kFewInliers);
+  EXPECT_EQ(code([](Stages* stages) {
+              std::get<LocatedFrame>(stages->joint.located[{0, 2}]).suspect_intrinsics =
+                  Finding{SensorCode::kIntrinsicsSuspect, "", ""};
+            }),
+            SensorCode::kIntrinsicsSuspect);
+  EXPECT_EQ(
+      code([](Stages* stages) { stages->capture.captures[0].frames[2].typical_intrinsics = true; }),
+      SensorCode::kTypicalIntrinsics);
+  EXPECT_EQ(code([](Stages* stages) {
+              stages->joint.seen.depths[{0, 2}].same_depth_as = "S1";
+            }),
+            SensorCode::kDuplicateDepth);
 }
 
 TEST(Judge, WhereAFloorWouldDecideUnknownTurnsAreAskedFor) {

@@ -68,6 +68,20 @@ TEST(LocateAlone, AFrameWithoutSidesOrWithOneOnly) {
   EXPECT_EQ(std::get<Finding>(results[1]).code, SensorCode::kDegenerateSides);
 }
 
+// Three sides in a line, cut off by the right border of the scene as a person sees it.
+TEST(LocateAlone, ACutOffStructureSaysWhereToTurn) {
+  Rig rig = NarrowRig();
+  rig.Add("S2", RingPose(90, 2.0, 0.3, 90, {-1.1, 0, 0}));  // from +z, +x is on the right
+  Restrict(rig.structure, &rig.labels[2], [](const Side& side) {
+    return side.name == "mid_bottom/right" || side.name == "mid_top/right" ||
+           side.name == "bottom/right";
+  });
+  const LocateResult result = Located(rig).Alone()[2];
+  ASSERT_TRUE(std::holds_alternative<Finding>(result));
+  EXPECT_EQ(std::get<Finding>(result).code, SensorCode::kDegenerateSides);
+  EXPECT_TRUE(Has(std::get<Finding>(result).hint, "turn the sensor to the right"));
+}
+
 // A focal length that is 7 % too long places the sensor all the same.
 TEST(LocateAlone, OtherIntrinsicsThatFitBetterAreFound) {
   Rig rig{PaperStructure(), {}, {}};

@@ -33,35 +33,6 @@ PoseError ErrorOf(const RefinedFrame& frame, const Rig& rig, std::size_t i) {
   return ComparePoses(frame.structure_from_sensor, *rig.frames[i].ground_truth);
 }
 
-TEST(Refine, NoiseFreeRigComesBackExactly) {
-  const Rig rig = RingOfEight();
-  const std::vector<SensorPoints> points = PointsOf(rig);
-  const std::vector<FrameInput> frames = DisplacedFrames(rig, points, 0.03, 1.5);
-  RefineOptions poses_alone;
-  poses_alone.estimate = "none";
-  const RefineResult result = Refine(rig.structure, frames, {});
-  for (const RefineResult& of : {result, Refine(rig.structure, frames, poses_alone)}) {
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      EXPECT_TRUE(of.frames[i].solved);
-      // Silhouettes end with a pixel, of 8 mm here, and a head-on view has little else sideways.
-      EXPECT_TRUE(Within(ErrorOf(of.frames[i], rig, i), 1.5e-3, 0.05)) << i;
-    }
-  }
-  // Boxes that turn out to stand where they should leave no doubt about where that is.
-  for (const RefinedFrame& frame : result.frames)
-    EXPECT_LT(std::sqrt(frame.covariance.diagonal().head<3>().maxCoeff()), 5e-3);
-  // Neighbours on the ring see the same sides.
-  int neighbours = 0;
-  for (const RefinedPair& pair : result.pairs) {
-    const int step = pair.b - pair.a;
-    if (step != 1 && step != 7) continue;
-    ++neighbours;
-    EXPECT_GT(pair.overlap, 0.3);
-    EXPECT_LT(pair.rms, 1e-3);
-  }
-  EXPECT_EQ(neighbours, 8);
-}
-
 TEST(Refine, ComputesNoCovariancesThatAreNotWanted) {
   const Rig rig = RingOfEight();
   const std::vector<SensorPoints> points = PointsOf(rig);
