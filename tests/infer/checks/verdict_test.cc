@@ -1,7 +1,5 @@
 #include "infer/checks/verdict.h"
 
-#include "tests/core/base/expect_error.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +7,9 @@
 #include <limits>
 #include <string>
 #include <vector>
+
+#include "infer/checks/outcome.h"
+#include "tests/core/base/expect_error.h"
 
 namespace volalign::verdict_test {
 namespace {
@@ -145,6 +146,19 @@ TEST(FindDuplicates, NamesSensorsInOnePlaceWithOneDirection) {
   EXPECT_TRUE(Has(duplicates[1]->reason, "where A stands"));
   EXPECT_FALSE(duplicates[2].has_value());  // the same place, another direction
   EXPECT_FALSE(duplicates[3].has_value());  // not placed
+}
+
+// Files of earlier versions have these words.
+TEST(SensorCode, HasTheWordsOfTheFiles) {
+  std::string words;
+  for (const SensorCode code : AllOf(SensorCode())) words += std::string(ToString(code)) + " ";
+  EXPECT_EQ(words,
+            " no_depth wrong_units no_structure degenerate_sides inconsistent assembly_mirrored "
+            "assembly_turned assembly_swapped assembly_missing assembly_shifted assembly_height "
+            "frame_mirrored unconnected duplicate_depth intrinsics_suspect disagrees ambiguous "
+            "not_finite unsolved unsettled "
+            "same_pose by_neighbours few_inliers large_residual labels_disagree lens_suspect "
+            "uncertain typical_intrinsics ");
 }
 
 }  // namespace

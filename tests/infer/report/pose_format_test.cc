@@ -567,6 +567,7 @@ TEST_F(PosesTest, UnityLooksAtTheSameThings) {
     const nlohmann::json& sensor = file["sensors"][i];
     const Eigen::Vector3d position(sensor["position"]["x"], sensor["position"]["y"],
                                    sensor["position"]["z"]);
+    EXPECT_GE(sensor["rotation"]["w"].get<double>(), 0) << "of two quaternions, that one";
     const auto in_unity = [](const Eigen::Vector3d& p) {
       return Eigen::Vector3d(-p.x(), p.y(), p.z());
     };
@@ -626,6 +627,7 @@ TEST_F(PosesTest, BrokenFilesAreNamed) {
       {PoseFormat::kTum, ""},
       {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"},
       {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n"},
+      {PoseFormat::kOpen3dLog, "0 0 1\n1.01 0 0 0\n0 1.01 0 0\n0 0 1.01 0\n0 0 0 1\n"},
       {PoseFormat::kOpen3d, "{\"class_name\": \"PinholeCameraParameters\"}"},
       {PoseFormat::kCsv, "a,b\n"},
       {PoseFormat::kOpencv, "sensors: []\n"},
