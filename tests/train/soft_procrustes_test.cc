@@ -23,7 +23,6 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/procrustes.h"
-#include "tests/core/base/pixels.h"
 
 namespace volalign::soft_procrustes_test {
 namespace {
@@ -122,44 +121,24 @@ TEST(FitRotation, IsFiniteWhereNothingIsDetermined) {
   }
 }
 
-TEST(Deproject, AgreesWithALoopOverPixels) {
+TEST(Deproject, IsDepthTimesRay) {
   const at::Tensor depth = at::rand({2, 1, 5, 7}) + 1;
   depth[1][0][2][3] = 0;
   const at::Tensor rays = at::randn({2, 2, 5, 7});
-  const at::Tensor points = Deproject(depth, rays);
-  ASSERT_EQ(points.sizes(), at::IntArrayRef({2, 3, 5, 7}));
-  for (int b = 0; b < 2; ++b) {
-    for (const auto [u, v] : Pixels(7, 5)) {
-      const float z = depth[b][0][v][u].item<float>();
-      for (int i = 0; i < 2; ++i)
-        EXPECT_EQ(points[b][i][v][u].item<float>(), z * rays[b][i][v][u].item<float>());
-      EXPECT_EQ(points[b][2][v][u].item<float>(), z);
-    }
-  }
+  EXPECT_TRUE(Deproject(depth, rays).equal(at::cat({depth * rays, depth}, 1)));
   EXPECT_THROW(Deproject(depth, rays.narrow(0, 0, 1)), Error);
   EXPECT_THROW(Deproject(depth, rays.narrow(3, 0, 6)), Error);
 }
 
-TEST(SoftKeypoints, AgreesWithALoopOverPixels) {
+TEST(SoftKeypoints, AreMeansOfPointsWithDepthByProbability) {
   const at::Tensor log_probs = at::log_softmax(at::randn({2, 4, 5, 6}, kF64), 1);
   const at::Tensor points = at::randn({2, 3, 5, 6}, kF64);
   points.select(1, 2).abs_();
   points.select(2, 1).zero_();  // a row without depth
-  const at::Tensor c = SoftKeypoints(log_probs, points);
-  ASSERT_EQ(c.sizes(), at::IntArrayRef({2, 3, 3}));
-  for (int b = 0; b < 2; ++b) {
-    for (int k = 1; k < 4; ++k) {
-      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-      double total = 0;
-      for (const auto [u, v] : Pixels(6, 5)) {
-        if (points[b][2][v][u].item<double>() == 0) continue;
-        const double p = std::exp(log_probs[b][k][v][u].item<double>());
-        for (int i = 0; i < 3; ++i) sum[i] += p * points[b][i][v][u].item<double>();
-        total += p;
-      }
-      for (int i = 0; i < 3; ++i) EXPECT_NEAR(c[b][k - 1][i].item<double>(), sum[i] / total, 1e-12);
-    }
-  }
+  const at::Tensor p = log_probs.narrow(1, 1, 3).exp() * points.narrow(1, 2, 1).ne(0);
+  const at::Tensor expected =
+      at::einsum("bkhw,bihw->bki", {p, points}) / p.sum({2, 3}).unsqueeze(2);
+  EXPECT_TRUE(SoftKeypoints(log_probs, points).allclose(expected, 1e-12, 1e-12));
   const at::Tensor g = at::randn({2, 3, 3}, kF64);
   ExpectSameGradient([&](const at::Tensor& x) { return (SoftKeypoints(x, points) * g).sum(); },
                      log_probs, "soft keypoints");

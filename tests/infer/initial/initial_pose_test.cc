@@ -14,7 +14,6 @@
 #include "core/geometry/visibility.h"
 #include "infer/initial/pose_candidates.h"
 #include "infer/initial/view_fit.h"
-#include "tests/core/base/long_tests.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
@@ -35,21 +34,6 @@ Outcome Estimate(const Structure& structure, const Pose& truth, const DepthImage
   const SensorView view = MakeSensorView(depth, Kinect());
   const InitialPose pose = EstimateInitialPose(view, Certain(labels), structure, options);
   return {pose.found, ComparePoses(pose.structure_from_sensor, truth)};
-}
-
-TEST(InitialPose, PerfectLabelsGiveThePoseAllRound) {
-  const Structure structure = PaperStructure();
-  for (int phi = 0; phi < 360; phi += 30) {
-    for (std::uint64_t i = 0; i < Rounds(1, 3); ++i) {
-      const double roll =
-          90.0 * static_cast<double>((static_cast<std::uint64_t>(phi) / 30 + i) % 3);
-      const Pose truth = RingPose(phi, 1.9, 0.4, roll, Eigen::Vector3d(-0.1, 0.05, 0));
-      const auto rendered = Render(structure, Kinect(), truth);
-      const Outcome outcome = Estimate(structure, truth, rendered.depth, rendered.labels);
-      ASSERT_TRUE(outcome.found) << phi;
-      EXPECT_TRUE(Within(outcome.error, 0.008, 0.1)) << phi;  // up to 6.3 mm
-    }
-  }
 }
 
 TEST(InitialPose, WithstandsWrongLabels) {
