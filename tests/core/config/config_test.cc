@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
-#include <algorithm>
 #include <array>
 #include <limits>
 #include <string>
@@ -526,19 +525,7 @@ TEST(WriteConfig, IsPlainYaml) {
             "small: 7\n");
 }
 
-TEST(DocumentConfig, HasAnItemForEveryKey) {
-  const std::string list = DocumentConfig<Config>();
-  EXPECT_TRUE(
-      Has(list, "- `name` (`run`): of the run\n",
-          "- `train.lr` (`0.0002`; > 0): initial learning rate\n",
-          "- `train.betas` (`[0.9, 0.99]`; >= 0, in [0, 0.999]): Adam's decay rates\n",
-          "- `train.resume` (`false`): continue | start again\n",
-          "- `train.schedule` (`constant`; in {constant, one_cycle}): of the learning rate\n",
-          "- `roll_offsets_deg` (`[90]`; in [-360, 360]): mounting offsets\n",
-          "- `sensors[].rho_cm` (`200`; > 0): distance\n",
-          "- `sensors[].look_at_cm` (`[0, 0, 0]`): point in the middle of the image\n"));
-  EXPECT_EQ(std::count(list.begin(), list.end(), '\n'), 15);
-}
+// DocumentConfig: docs/config.md, which tests/cli/command_line.py compares.
 
 /// Ten keys, of which each has ten aliases of the one before it: 10^10 values in 499 bytes.
 std::string Laughs(const std::string& begin, const std::string& item, const std::string& end) {

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "infer/plan/plan_picture.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 
@@ -82,22 +81,6 @@ TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
   EXPECT_EQ(Count(good, ">×</text>") + Count(good, ">?</text>"), 0);
   for (int i = 0; i < 4; ++i)
     EXPECT_EQ(Count(good, "phi " + std::to_string(90 * i) + " deg, 1.00 m high"), 1) << i;
-}
-
-TEST(PlanPicture, NamesAreText) {
-  RigPlan plan;
-  plan.structure =
-      Structure::FromBoxes("s&t", {Box::FromMinMax("a<b & c>d", Eigen::Vector3d(-0.25, 0, -0.2),
-                                                   Eigen::Vector3d(0.25, 0.3, 0.2))});
-  PlannedSensor sensor;
-  sensor.name = "<S1>";
-  sensor.intrinsics = testing_infer::Kinect();
-  sensor.structure_from_sensor = testing_infer::RingPose(30);
-  plan.sensors = {sensor};
-  const std::string svg = PlanPicture(plan);
-  EXPECT_TRUE(Has(svg, "<title>a&lt;b &amp; c&gt;d</title>", ">&lt;S1&gt;</text>"));
-  EXPECT_TRUE(Has(TargetPicture(plan.structure, Good()), "<title>a&lt;b &amp; c&gt;d</title>",
-                  ">s&amp;t as a target"));
 }
 
 }  // namespace

@@ -85,31 +85,6 @@ TEST(BuildSheet, NoTextLiesOverAnother) {
   ExpectNoOverlap(Structure::FromBoxes("tower", tower));
 }
 
-// What the page of the paper's stack has to say, from the numbers of configs/structure.yaml.
-TEST(BuildSheet, SaysHowThePapersStackIsBuilt) {
-  const std::vector<Text> texts = TextsOf(BuildSheet(ReadStructure("configs/structure.yaml")));
-  const auto count = [&](const std::string& words) {
-    return std::count_if(texts.begin(), texts.end(),
-                         [&](const Text& text) { return text.words == words; });
-  };
-  EXPECT_EQ(count("4 boxes, 1620 mm high. Build from 1 to 4. All lengths are in millimetres."), 1);
-  EXPECT_EQ(count("555 front-back, 330 left-right, 405 up"), 2 * 2);  // view and plan
-  EXPECT_EQ(count("330 front-back, 555 left-right, 405 up"), 2 * 2);
-  EXPECT_EQ(count("on the floor"), 1);
-  EXPECT_EQ(count("on 1 bottom"), 1);
-  EXPECT_EQ(count("on 2 mid_bottom"), 1);
-  EXPECT_EQ(count("on 3 mid_top"), 1);
-  EXPECT_EQ(count("225 out"), 3);
-  EXPECT_EQ(count("225 in"), 3);
-  EXPECT_EQ(count("flush"), 6);
-  EXPECT_EQ(count("front (+x)"), 1);
-  EXPECT_EQ(count("back (-x)"), 1);
-  EXPECT_EQ(count("left (-z)"), 1);
-  EXPECT_EQ(count("measured: ______ × ______ × ______"), 4);
-  EXPECT_EQ(count("origin (+) 275 from its front edge,"), 1);
-  EXPECT_EQ(count("165 from its right edge, 810 above"), 1);
-}
-
 TEST(BuildSheet, NamesATurnAndABoxInTheAir) {
   Box turned = Box::FromMinMax("turned", {0, 0.25, 0}, {0.4, 0.5, 0.4});
   turned.structure_from_box.linear() = RotationExp(-0.25 * Eigen::Vector3d::UnitY());
@@ -118,6 +93,7 @@ TEST(BuildSheet, NamesATurnAndABoxInTheAir) {
   EXPECT_TRUE(Has(svg, ">on nothing (check y), 14.3° clockwise<"));
 }
 
+// It says how the paper's stack is built.
 TEST(BuildSheet, IsThePictureOfTheReadme) {
   EXPECT_TRUE(BuildSheet(ReadStructure("configs/structure.yaml")) ==
               ReadFile("docs/build.svg", kMaxTextBytes))
