@@ -4,8 +4,10 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 namespace volalign {
 
@@ -32,6 +34,26 @@ struct GlbChunks {
     EXPECT_EQ(word(at) % 4, 0u);
     EXPECT_EQ(at + 8 + word(at), bytes.size());
     binary = bytes.substr(at + 8);
+  }
+
+  const nlohmann::json& Item(const char* list, const nlohmann::json& index) const {
+    return document.at(list).at(index.get<std::size_t>());
+  }
+  /// Of a tightly packed accessor. `type`: 5126 for float, 5123 for uint16.
+  template <class T>
+  std::vector<T> Values(const nlohmann::json& index, std::size_t components, int type) const {
+    const nlohmann::json& accessor = Item("accessors", index);
+    const nlohmann::json& view = Item("bufferViews", accessor.at("bufferView"));
+    EXPECT_EQ(accessor.at("componentType"), type);
+    std::vector<T> values(accessor.at("count").get<std::size_t>() * components);
+    EXPECT_EQ(view.at("byteLength"), values.size() * sizeof(T));
+    if (type == 5123) {
+      EXPECT_EQ(view.at("target"), 34963) << "indices";
+    }
+    const std::size_t begin = view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u);
+    EXPECT_EQ(begin % 4, 0u) << "not aligned";
+    std::memcpy(values.data(), &binary.at(begin), values.size() * sizeof(T));
+    return values;
   }
 };
 

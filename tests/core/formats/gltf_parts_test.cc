@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
-#include <cstring>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -35,29 +34,6 @@ TEST(GltfParts, PositionsHaveTheirBounds) {
   EXPECT_EQ(accessor.maxValues, (std::vector<double>{1, 5, 9}));
 }
 
-struct Glb : GlbChunks {
-  using GlbChunks::GlbChunks;
-  const json& Item(const char* list, const json& index) const {
-    return document.at(list).at(index.get<std::size_t>());
-  }
-  /// Of a tightly packed accessor. `type`: 5126 for float, 5123 for uint16.
-  template <class T>
-  std::vector<T> Values(const json& index, std::size_t components, int type) const {
-    const json& accessor = Item("accessors", index);
-    const json& view = Item("bufferViews", accessor.at("bufferView"));
-    EXPECT_EQ(accessor.at("componentType"), type);
-    std::vector<T> values(accessor.at("count").get<std::size_t>() * components);
-    EXPECT_EQ(view.at("byteLength"), values.size() * sizeof(T));
-    if (type == 5123) {
-      EXPECT_EQ(view.at("target"), 34963) << "indices";
-    }
-    const std::size_t begin = view.value("byteOffset", 0u) + accessor.value("byteOffset", 0u);
-    EXPECT_EQ(begin % 4, 0u) << "not aligned";
-    std::memcpy(values.data(), &binary.at(begin), values.size() * sizeof(T));
-    return values;
-  }
-};
-
 /// Boxes that are thrown together.
 Structure RandomStructure() {
   RandomStream random(8, 3, "boxes");
@@ -79,7 +55,7 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
   const TempFolder folder;
   for (const Structure& structure : {ReadStructure("configs/structure.yaml"), RandomStructure()}) {
     WriteStructureGlb(folder / "a.glb", structure);
-    const Glb glb(ReadFile(folder / "a.glb"));
+    const GlbChunks glb(ReadFile(folder / "a.glb"));
     const json& root = glb.document;
     EXPECT_EQ(root.at("asset").at("version"), "2.0");
     ASSERT_EQ(root.at("buffers").size(), 1u);
@@ -163,7 +139,7 @@ TEST(WriteStructureGlb, AMeshReadsBack) {
                     .norm(),
                 1e-6);
     }
-    const json document = Glb(ReadFile(folder / "a.glb")).document;
+    const json document = GlbChunks(ReadFile(folder / "a.glb")).document;
     for (const json& primitive : document.at("meshes").at(0).at("primitives")) {
       const std::string name =
           mesh.boxes()[0].name + "/" + primitive.at("extras").at("side").get<std::string>();

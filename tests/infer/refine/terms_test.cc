@@ -473,14 +473,11 @@ FrameObservations BordersOf(const Structure& structure, const Pose& pose) {
     const Side& side = structure.SideOfLabel(label);
     if (side.normal.dot(side.centre - pose.translation()) > -0.5) continue;
     for (int edge = 0; edge < 4; ++edge) {
-      const Eigen::Vector3d across =
-                                (edge < 2 ? side.half_u * side.axis_u : side.half_v * side.axis_v),
-                            along =
-                                (edge < 2 ? side.half_v * side.axis_v : side.half_u * side.axis_u);
+      const Border border = side.BorderAt(edge);
+      const Eigen::Vector3d along = border.length / 2 * side.normal.cross(border.outward);
       for (const double t : {-0.6, 0.0, 0.6}) {
         EdgeObservation point;
-        point.p =
-            sensor_from_structure * (side.centre + (edge % 2 == 0 ? across : -across) + t * along);
+        point.p = sensor_from_structure * (border.middle + t * along);
         point.label = label;
         point.edge = edge;
         point.pixel = point.p.z() / 252.2;
@@ -513,10 +510,8 @@ TEST(FitNoise, FindsTheScaleOfEdges) {
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];
-        const Side& side = structure.SideOfLabel(edge.label);
-        const Eigen::Vector3d outwards =
-            (edge.edge < 2 ? side.axis_u : side.axis_v) * (edge.edge % 2 == 0 ? 1 : -1);
-        edge.p += pose.linear().transpose() * outwards * moved[i];
+        const Border border = structure.SideOfLabel(edge.label).BorderAt(edge.edge);
+        edge.p += pose.linear().transpose() * border.outward * moved[i];
       }
       const ParameterPoint at(model, pose);
       FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <optional>
 #include <random>
 #include <string>
@@ -233,20 +232,6 @@ struct Glb : GlbChunks {
               static_cast<std::ptrdiff_t>(reached.size()));
   }
 
-  /// Of the accessor of an attribute.
-  const json& Attribute(const json& primitive, const std::string& name) const {
-    return document["accessors"].at(primitive["attributes"][name].get<std::size_t>());
-  }
-  std::vector<float> Floats(const json& accessor) const {
-    EXPECT_EQ(accessor["componentType"], 5126);
-    EXPECT_EQ(accessor["type"], "VEC3");
-    const json& view = document["bufferViews"].at(accessor["bufferView"].get<std::size_t>());
-    std::vector<float> values(3 * accessor["count"].get<std::size_t>());
-    std::memcpy(values.data(), binary.data() + view.value("byteOffset", std::size_t{0}),
-                4 * values.size());
-    return values;
-  }
-
   const json& Node(const std::string& name) const {
     for (const json& node : document["nodes"]) {
       if (node.value("name", "") == name) return node;
@@ -255,7 +240,7 @@ struct Glb : GlbChunks {
     return document;
   }
   const json& Primitive(const std::string& node) const {
-    return document["meshes"].at(Node(node)["mesh"].get<std::size_t>())["primitives"][0];
+    return Item("meshes", Node(node)["mesh"])["primitives"][0];
   }
 };
 
@@ -302,8 +287,8 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
   const Glb glb(ReadFile(folder / "rig.glb"));
 
   const json& sensor = glb.Node("left");
-  const json& camera = glb.document["nodes"].at(sensor["children"][0].get<std::size_t>());
-  const json& optics = glb.document["cameras"].at(camera["camera"].get<std::size_t>());
+  const json& camera = glb.Item("nodes", sensor["children"][0]);
+  const json& optics = glb.Item("cameras", camera["camera"]);
   EXPECT_EQ(optics["type"], "perspective");
   // Half the height over the focal length is the tangent of half the angle.
   EXPECT_NEAR(std::tan(optics["perspective"]["yfov"].get<double>() / 2), 144 / 252.2, 1e-9);
@@ -320,7 +305,8 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
   EXPECT_NEAR(sensor["extras"]["intrinsics"]["cy"].get<double>(), 168.2, 1e-12);
 
   // The pyramid's corners are where the picture's are.
-  const std::vector<float> corners = glb.Floats(glb.Attribute(glb.Primitive("left"), "POSITION"));
+  const std::vector<float> corners =
+      glb.Values<float>(glb.Primitive("left")["attributes"]["POSITION"], 3, 5126);
   ASSERT_EQ(corners.size(), 15u);
   const double places[4][2] = {{-0.5, -0.5}, {319.5, -0.5}, {319.5, 287.5}, {-0.5, 287.5}};
   for (std::size_t i = 0; i < 4; ++i) {
@@ -335,9 +321,9 @@ TEST(RigGlb, HasStackSensorsAsCamerasAndClouds) {
 
   const json& points = glb.Primitive("left points in here");
   EXPECT_EQ(points["mode"], 0);
-  EXPECT_EQ(glb.Floats(glb.Attribute(points, "POSITION")),
+  EXPECT_EQ(glb.Values<float>(points["attributes"]["POSITION"], 3, 5126),
             (std::vector<float>{0.1f, -0.2f, 0.3f, -1, 2, 0.5f}));
-  const json& colours = glb.Attribute(points, "COLOR_0");
+  const json& colours = glb.Item("accessors", points["attributes"]["COLOR_0"]);
   EXPECT_EQ(colours["normalized"], true);
   EXPECT_EQ(colours["type"], "VEC4");
 
