@@ -12,18 +12,6 @@ namespace volalign::python {
 
 namespace {
 
-template <class T>
-Array Owned(std::vector<T> values, std::vector<py::ssize_t> shape) {
-  auto kept = std::make_shared<std::vector<T>>(std::move(values));
-  return ArrayOf(kept, kept->data(), std::move(shape));
-}
-
-void Append(const Pose& pose, std::vector<double>* values) {
-  for (int row = 0; row < 4; ++row) {
-    for (int column = 0; column < 4; ++column) values->push_back(pose.matrix()(row, column));
-  }
-}
-
 void RequireShape(const py::buffer_info& memory, const std::vector<py::ssize_t>& shape,
                   const std::string& what) {
   if (memory.shape == shape) return;
@@ -37,34 +25,9 @@ Array ArrayOfMemory(Memory memory) {
   return py::module_::import("numpy").attr("asarray")(py::cast(std::move(memory)));
 }
 
-Array ArrayOf(const Eigen::MatrixXd& matrix) {
-  std::vector<double> values;
-  for (Eigen::Index row = 0; row < matrix.rows(); ++row) {
-    for (Eigen::Index column = 0; column < matrix.cols(); ++column)
-      values.push_back(matrix(row, column));
-  }
-  return Owned(std::move(values), {matrix.rows(), matrix.cols()});
-}
-
-Array ArrayOf(const Eigen::Vector3d& vector) {
-  return Owned(std::vector<double>(vector.begin(), vector.end()), {3});
-}
-
-Array ArrayOf(const Pose& pose) {
-  std::vector<double> values;
-  Append(pose, &values);
-  return Owned(std::move(values), {4, 4});
-}
-
-Array ArrayOf(const std::vector<Pose>& poses) {
-  std::vector<double> values;
-  for (const Pose& pose : poses) Append(pose, &values);
-  return Owned(std::move(values), {static_cast<py::ssize_t>(poses.size()), 4, 4});
-}
-
-OptionalArray PoseOrNone(const std::optional<Pose>& pose) {
-  if (pose) return ArrayOf(*pose);
-  return py::none();
+Array Owned(std::vector<double> values, std::vector<py::ssize_t> shape) {
+  auto kept = std::make_shared<std::vector<double>>(std::move(values));
+  return ArrayOf(kept, kept->data(), std::move(shape));
 }
 
 Input InputOf(const py::handle& array, const char* dtype) {

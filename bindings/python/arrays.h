@@ -3,10 +3,10 @@
 // NumPy arrays by the buffer protocol alone, which every version of NumPy speaks.
 
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
 #include <Eigen/Core>
 #include <memory>
-#include <optional>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -67,11 +67,8 @@ OptionalArray ViewOf(std::shared_ptr<const void> owner, const Image<T>& image) {
   return ArrayOf(std::move(owner), image.data(), {image.height(), image.width()});
 }
 
-Array ArrayOf(const Eigen::MatrixXd& matrix);               ///< (rows, columns)
-Array ArrayOf(const Eigen::Vector3d& vector);               ///< (3,)
-Array ArrayOf(const Pose& pose);                            ///< (4, 4)
-Array ArrayOf(const std::vector<Pose>& poses);              ///< (N, 4, 4)
-OptionalArray PoseOrNone(const std::optional<Pose>& pose);  ///< (4, 4)
+/// An array of this shape with a copy of the values, which are row by row.
+Array Owned(std::vector<double> values, std::vector<py::ssize_t> shape);
 
 /// From anything that NumPy makes an array of. Throw DataError, with `what` in the message, for
 /// another shape, and the pose for what is no rigid transform.
@@ -100,6 +97,52 @@ struct handle_type_name<volalign::python::OptionalArray> {
 template <>
 struct handle_type_name<volalign::python::Path> {
   static constexpr auto name = const_name("Union[str, os.PathLike]");
+};
+
+// How members and results of these types appear in Python.
+
+/// Vectors and matrices, as arrays.
+template <int Rows, int Columns, int Options, int MostRows, int MostColumns>
+struct type_caster<Eigen::Matrix<double, Rows, Columns, Options, MostRows, MostColumns>> {
+  static constexpr auto name = const_name("numpy.ndarray");
+  static handle cast(
+      const Eigen::Matrix<double, Rows, Columns, Options, MostRows, MostColumns>& matrix,
+      return_value_policy /*policy*/, handle /*parent*/) {
+    const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+    std::vector<ssize_t> shape = {matrix.rows()};
+    if constexpr (Columns != 1) shape.push_back(matrix.cols());
+    return volalign::python::Owned({rows.data(), rows.data() + rows.size()}, std::move(shape))
+        .release();
+  }
+};
+
+/// A pose, as an array (4, 4).
+template <>
+struct type_caster<volalign::Pose> {
+  static constexpr auto name = const_name("numpy.ndarray");
+  static handle cast(const volalign::Pose& pose, return_value_policy policy, handle parent) {
+    return type_caster<Eigen::Matrix4d>::cast(pose.matrix(), policy, parent);
+  }
+};
+
+/// (m, deg).
+template <>
+struct type_caster<volalign::PoseError> {
+  static constexpr auto name = const_name("Tuple[float, float]");
+  static handle cast(const volalign::PoseError& error, return_value_policy /*policy*/,
+                     handle /*parent*/) {
+    return pybind11::make_tuple(error.translation_m, error.rotation_deg).release();
+  }
+};
+
+/// Enums, as their words.
+template <class Enum>
+struct type_caster<Enum, enable_if_t<std::is_enum_v<Enum> &&
+                                     std::is_same_v<decltype(ToString(Enum())), const char*>>> {
+  static constexpr auto name = const_name("str");
+  static handle cast(Enum value, return_value_policy /*policy*/, handle /*parent*/) {
+    return str(ToString(value)).release();
+  }
 };
 
 }  // namespace pybind11::detail

@@ -1,5 +1,3 @@
-#include "bindings/python/calibrate.h"
-
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -11,7 +9,7 @@
 #include "bindings/python/capture.h"
 #include "bindings/python/module.h"
 #include "bindings/python/options.h"
-#include "bindings/python/structure.h"
+#include "bindings/python/result.h"
 #include "bindings/python/work.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"

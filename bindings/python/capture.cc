@@ -10,7 +10,6 @@
 #include "bindings/python/arrays.h"
 #include "bindings/python/module.h"
 #include "bindings/python/options.h"
-#include "bindings/python/structure.h"
 #include "bindings/python/work.h"
 #include "core/base/error.h"
 #include "core/base/text.h"
@@ -196,9 +195,7 @@ void AddFrame(py::module_& module) {
                                           ? std::optional<int>()
                                           : std::optional<int>(frame.quarter_turns);
                              })
-      .def_property_readonly(
-          "ground_truth", [](const SensorFrame& frame) { return PoseOrNone(frame.ground_truth); },
-          "(4, 4) float64 or None.")
+      .def_readonly("ground_truth", &SensorFrame::ground_truth, "(4, 4) float64 or None.")
       .def("__repr__", [](const SensorFrame& frame) {
         return fmt::format("<Frame {}: {}x{} {}>", frame.name, frame.depth.width(),
                            frame.depth.height(), frame.sensor);

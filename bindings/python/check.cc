@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "bindings/python/arrays.h"
-#include "bindings/python/calibrate.h"
 #include "bindings/python/module.h"
 #include "bindings/python/options.h"
+#include "bindings/python/result.h"
 #include "infer/rigcheck/rig_check.h"
 
 namespace volalign::python {
@@ -53,9 +53,8 @@ void AddMovement(py::module_& module) {
   py::class_<SensorMovement, std::shared_ptr<SensorMovement>>(
       module, "Movement", "A sensor's two poses, in the last structure frame.")
       .def_readonly("name", &SensorMovement::name)
-      .def_property_readonly(
-          "movement", [](const SensorMovement& m) { return ToString(m.movement); },
-          "\"stayed\", \"moved\" or \"undecided\".")
+      .def_readonly("movement", &SensorMovement::movement,
+                    "\"stayed\", \"moved\" or \"undecided\".")
       .def_readonly("translation_m", &SensorMovement::translation_m)
       .def_readonly("rotation_deg", &SensorMovement::rotation_deg)
       .def_readonly("probability", &SensorMovement::probability,
@@ -63,14 +62,10 @@ void AddMovement(py::module_& module) {
       .def_readonly("found_from_m", &SensorMovement::found_from_m,
                     "A movement is found with 95 % probability from this size on, m.")
       .def_readonly("found_from_deg", &SensorMovement::found_from_deg)
-      .def_property_readonly(
-          "structure_from_sensor",
-          [](const SensorMovement& m) { return ArrayOf(m.structure_from_sensor); },
-          "(4, 4) float64: where it stands now.")
-      .def_property_readonly(
-          "covariance",
-          [](const SensorMovement& m) { return ArrayOf(Eigen::MatrixXd(m.covariance)); },
-          "(6, 6) float64, see SensorResult.covariance.");
+      .def_readonly("structure_from_sensor", &SensorMovement::structure_from_sensor,
+                    "(4, 4) float64: where it stands now.")
+      .def_readonly("covariance", &SensorMovement::covariance,
+                    "(6, 6) float64, see SensorResult.covariance.");
 }
 
 /// Each keeps the check.
@@ -120,7 +115,7 @@ void AddCheck(py::module_& module) {
                              [](const Checked& checked) { return checked.check.same_structure; })
       .def_property_readonly(
           "last_from_now",
-          [](const Checked& checked) { return PoseOrNone(checked.check.movements.last_from_now); },
+          [](const Checked& checked) { return checked.check.movements.last_from_now; },
           "(4, 4) float64: where the structure stands now in the last structure frame; None where "
           "it is not known which sensors stayed.")
       .def_property_readonly(

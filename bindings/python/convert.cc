@@ -146,10 +146,8 @@ void AddConvert(py::module_& module) {
                  "", PoseOf(pose, "structure_from_sensor"), std::move(intrinsics), {}, {}};
            }),
            py::arg("structure_from_sensor"), py::arg("intrinsics") = py::none())
-      .def_property_readonly(
-          "structure_from_sensor",
-          [](const SensorPose& pose) { return ArrayOf(pose.structure_from_sensor); },
-          "(4, 4) float64, m; sensor x right, y down, z forward.")
+      .def_readonly("structure_from_sensor", &SensorPose::structure_from_sensor,
+                    "(4, 4) float64, m; sensor x right, y down, z forward.")
       .def_readonly("intrinsics", &SensorPose::intrinsics)
       .def_readonly("depth_gain", &SensorPose::depth_gain,
                     "True depth = depth_gain * measured depth + depth_offset_m.")

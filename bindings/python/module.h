@@ -5,7 +5,6 @@
 namespace volalign::python {
 
 // What each source adds to the module `_volalign`.
-void AddErrors(pybind11::module_& module);
 void AddArrays(pybind11::module_& module);
 void AddStructure(pybind11::module_& module);
 void AddCapture(pybind11::module_& module);

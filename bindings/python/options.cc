@@ -55,6 +55,11 @@ bool IsPath(const py::handle& object) {
   return py::isinstance<py::str>(object) || py::hasattr(object, "__fspath__");
 }
 
+Structure StructureOf(const py::handle& object) {
+  if (IsPath(object)) return ReadStructure(PathOf(object));
+  return object.cast<Structure>();
+}
+
 std::string PathOf(const py::handle& path) {
   auto text = py::module_::import("os").attr("fsencode")(path).cast<std::string>();
   RequireUtf8(text, "the path");

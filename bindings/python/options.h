@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/config/config.h"
+#include "core/geometry/structure.h"
 
 namespace volalign::python {
 
@@ -23,6 +24,9 @@ std::string PathOf(const py::handle& path);
 
 /// Is this a path?
 bool IsPath(const py::handle& object);
+
+/// A Structure, or the path of one.
+Structure StructureOf(const py::handle& object);
 
 /// Parses a text with Python's module json.
 py::object FromJson(const std::string& text);

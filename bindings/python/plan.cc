@@ -33,9 +33,8 @@ void AddPlannedSensor(py::module_& module) {
       .def_readonly("name", &PlannedSensor::name)
       .def_readonly("sensor", &PlannedSensor::sensor)
       .def_readonly("intrinsics", &PlannedSensor::intrinsics)
-      .def_property_readonly(
-          "structure_from_sensor",
-          [](const PlannedSensor& s) { return ArrayOf(s.structure_from_sensor); }, "(4, 4) float64")
+      .def_readonly("structure_from_sensor", &PlannedSensor::structure_from_sensor,
+                    "(4, 4) float64")
       .def_readonly("distance_m", &PlannedSensor::distance_m)
       .def_readonly("sides", &PlannedSensor::sides,
                     "(side, pixels) of the sides in view, the largest first.")
@@ -46,19 +45,13 @@ void AddPlannedSensor(py::module_& module) {
       .def_readonly("expected_m", &PlannedSensor::expected_m,
                     "Root of the mean square of the position's expected error, m.")
       .def_readonly("expected_deg", &PlannedSensor::expected_deg)
-      .def_property_readonly(
-          "covariance",
-          [](const PlannedSensor& s) { return ArrayOf(Eigen::MatrixXd(s.covariance)); },
-          "(6, 6) float64, see SensorResult.covariance; mean over the trials.")
-      .def_property_readonly(
-          "weakest", [](const PlannedSensor& s) { return ArrayOf(s.weakest); },
-          "(3,) float64: the direction in which its place is known least.")
+      .def_readonly("covariance", &PlannedSensor::covariance,
+                    "(6, 6) float64, see SensorResult.covariance; mean over the trials.")
+      .def_readonly("weakest", &PlannedSensor::weakest,
+                    "(3,) float64: the direction in which its place is known least.")
       .def_readonly("weakest_m", &PlannedSensor::weakest_m, "Standard deviation along it, m.")
-      .def_property_readonly(
-          "status", [](const PlannedSensor& s) { return ToString(s.status); },
-          "The errors of the worst trial.")
-      .def_property_readonly("code",
-                             [](const PlannedSensor& s) { return ToString(s.finding.code); })
+      .def_readonly("status", &PlannedSensor::status, "The errors of the worst trial.")
+      .def_property_readonly("code", [](const PlannedSensor& s) { return s.finding.code; })
       .def_property_readonly("reason", [](const PlannedSensor& s) { return s.finding.reason; })
       .def_property_readonly("hint", [](const PlannedSensor& s) { return s.finding.hint; });
 }

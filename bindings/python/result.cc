@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -51,17 +52,24 @@ py::dict BoxesOf(const std::shared_ptr<const Calibrated>& whole, const StackResu
   return boxes;
 }
 
-py::object ErrorOrNone(const std::optional<PoseError>& error) {
-  if (!error) return py::none();
-  return py::make_tuple(error->translation_m, error->rotation_deg);
-}
-
-/// A property that is a member of the part.
+/// A property that is a member of the part, or the result of one of its functions.
 template <class Class, class Member>
 void AddMember(Class* type, const char* name, Member member, const char* doc = "") {
   using Part = typename Class::type;
   type->def_property_readonly(
-      name, [member](const Part& part) { return (*part.part).*member; }, doc);
+      name, [member](const Part& part) { return std::invoke(member, *part.part); }, doc);
+}
+
+/// The same of a placed sensor; None of a failed one.
+template <class Member>
+void AddIfPlaced(py::class_<SensorPart>* type, const char* name, Member FrameResult::*member,
+                 const char* doc) {
+  type->def_property_readonly(
+      name,
+      [member](const SensorPart& s) {
+        return s->structure_from_sensor ? std::optional<Member>((*s.part).*member) : std::nullopt;
+      },
+      doc);
 }
 
 void AddSensor(py::module_& module) {
@@ -69,55 +77,33 @@ void AddSensor(py::module_& module) {
                                 "A sensor's outcome. Poses are structure_from_sensor: "
                                 "p_structure = T p_sensor, m; sensor x right, y down, z forward.");
   AddMember(&sensor, "name", &FrameResult::name);
-  sensor
-      .def_property_readonly(
-          "status", [](const SensorPart& s) { return ToString(s->status); },
-          "\"ok\", \"weak\" (placed, but see code and reason) or \"failed\" (no pose).")
-      .def_property_readonly(
-          "code", [](const SensorPart& s) { return ToString(s->code); },
-          "Why it is not ok, such as \"no_structure\"; \"\" of one that is.");
+  AddMember(&sensor, "status", &FrameResult::status,
+            "\"ok\", \"weak\" (placed, but see code and reason) or \"failed\" (no pose).");
+  AddMember(&sensor, "code", &FrameResult::code,
+            "Why it is not ok, such as \"no_structure\"; \"\" of one that is.");
   AddMember(&sensor, "reason", &FrameResult::reason, "The same as a sentence.");
   AddMember(&sensor, "hint", &FrameResult::hint, "Advice on what to do.");
-  sensor
-      .def_property_readonly(
-          "structure_from_sensor",
-          [](const SensorPart& s) { return PoseOrNone(s->structure_from_sensor); },
-          "(4, 4) float64; None of a failed sensor.")
-      .def_property_readonly(
-          "covariance",
-          [](const SensorPart& s) -> OptionalArray {
-            if (!s->structure_from_sensor) return py::none();
-            return ArrayOf(Eigen::MatrixXd(s->covariance));
-          },
-          "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
-          "frame: a movement about the structure's origin. None of a failed sensor.")
-      .def_property_readonly(
-          "sigma_position_m",
-          [](const SensorPart& s) { return ArrayOf(Eigen::Vector3d(s->sigma_position_m())); },
-          "(3,) float64: standard deviations of its position along the structure's axes, m; NaN of "
-          "a failed sensor.")
-      .def_property_readonly(
-          "sigma_rotation_deg",
-          [](const SensorPart& s) { return ArrayOf(Eigen::Vector3d(s->sigma_rotation_deg())); },
-          "(3,) float64: of its rotation about them, deg.")
-      .def_property_readonly(
-          "initial",
-          [](const SensorPart& s) -> OptionalArray {
-            if (!s->structure_from_sensor) return py::none();
-            return ArrayOf(s->initial);
-          },
-          "(4, 4) float64: the pose before the joint solution; None of a failed sensor.")
-      .def_property_readonly(
-          "initial_source", [](const SensorPart& s) { return ToString(s->initial_source); },
-          "\"network\", \"geometry\", \"neighbours\" or \"prior\".");
-  sensor.def_property_readonly(
-      "prior", [](const SensorPart& s) { return PoseOrNone(s->prior); },
-      "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.");
+  AddMember(&sensor, "structure_from_sensor", &FrameResult::structure_from_sensor,
+            "(4, 4) float64; None of a failed sensor.");
+  AddIfPlaced<Matrix6d>(
+      &sensor, "covariance", &FrameResult::covariance,
+      "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
+      "frame: a movement about the structure's origin. None of a failed sensor.");
+  AddMember(&sensor, "sigma_position_m", &FrameResult::sigma_position_m,
+            "(3,) float64: standard deviations of its position along the structure's axes, m; NaN "
+            "of a failed sensor.");
+  AddMember(&sensor, "sigma_rotation_deg", &FrameResult::sigma_rotation_deg,
+            "(3,) float64: of its rotation about them, deg.");
+  AddIfPlaced<Pose>(&sensor, "initial", &FrameResult::initial,
+                    "(4, 4) float64: the pose before the joint solution; None of a failed sensor.");
+  AddMember(&sensor, "initial_source", &FrameResult::initial_source,
+            "\"network\", \"geometry\", \"neighbours\" or \"prior\".");
+  AddMember(&sensor, "prior", &FrameResult::prior,
+            "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.");
   AddMember(&sensor, "prior_used", &FrameResult::prior_used, "Do the frames not contradict it?");
-  sensor.def_property_readonly(
-      "together", [](const SensorPart& s) { return PoseOrNone(s->together); },
-      "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would give "
-      "it; else None.");
+  AddMember(&sensor, "together", &FrameResult::together,
+            "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would "
+            "give it; else None.");
   AddMember(&sensor, "disagrees_with", &FrameResult::disagrees_with);
   AddMember(&sensor, "sides", &FrameResult::sides, "Sides that were found and agree.");
   AddMember(&sensor, "points", &FrameResult::points, "Pixels with depth and a side's label.");
@@ -132,16 +118,13 @@ void AddSensor(py::module_& module) {
   AddMember(&sensor, "intrinsics", &FrameResult::intrinsics, "That the pose belongs to.");
   AddMember(&sensor, "intrinsics_given", &FrameResult::intrinsics_given,
             "The intrinsics of the capture.");
+  AddMember(&sensor, "error", &FrameResult::error,
+            "(m, deg) against the ground truth; None without one.");
+  AddMember(&sensor, "initial_error", &FrameResult::initial_error, "The same of `initial`.");
   sensor
       .def_property_readonly(
-          "lens_source", [](const SensorPart& s) { return ToString(s->lens.source); },
+          "lens_source", [](const SensorPart& s) { return s->lens.source; },
           "\"given\", \"kind\", \"recognised\" or \"estimated\".")
-      .def_property_readonly(
-          "error", [](const SensorPart& s) { return ErrorOrNone(s->error); },
-          "(m, deg) against the ground truth; None without one.")
-      .def_property_readonly(
-          "initial_error", [](const SensorPart& s) { return ErrorOrNone(s->initial_error); },
-          "The same of `initial`.")
       .def_property_readonly(
           "labels", [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.labels); },
           "(H, W) uint8, read-only: found labels, 0 is background. None for a result of several "
@@ -169,19 +152,16 @@ void AddStack(py::module_& module) {
                     "Distance of the points that both see, m, root mean square; NaN: too few.")
       .def_readonly("predicted_rms_m", &PairResult::predicted_rms_m,
                     "The same as the errors of both depths and of the poses let expect.")
-      .def_property_readonly(
-          "covariance",
-          [](const PairResult& pair) { return ArrayOf(Eigen::MatrixXd(pair.covariance)); },
-          "(6, 6) float64 of the poses to each other, of d of b less that of a (see "
-          "SensorResult.covariance); NaN where it is not known.")
+      .def_readonly("covariance", &PairResult::covariance,
+                    "(6, 6) float64 of the poses to each other, of d of b less that of a (see "
+                    "SensorResult.covariance); NaN where it is not known.")
       .def_readonly("sigma_m", &PairResult::sigma_m,
                     "Standard deviation, m, of where b is as a has it, where that is known least.")
       .def_readonly("sigma_deg", &PairResult::sigma_deg, "The same of how it is turned, deg.");
 
   py::class_<RigFinding>(module, "Finding", "A reason to doubt a whole calibration.")
-      .def_property_readonly(
-          "code", [](const RigFinding& finding) { return ToString(finding.code); },
-          "Such as \"size_off\"; docs/calibration.md lists them.")
+      .def_readonly("code", &RigFinding::code,
+                    "Such as \"size_off\"; docs/calibration.md lists them.")
       .def_readonly("about", &RigFinding::about,
                     "Names of the sensors or of the box; empty: of all.")
       .def_readonly("reason", &RigFinding::reason, "The observation, in sentences.")
@@ -206,20 +186,16 @@ void AddStack(py::module_& module) {
       "One of several captures; poses are in the structure where it stood "
       "then.");
   AddMember(&capture, "name", &CaptureResult::name);
+  AddMember(&capture, "first_from_placement", &CaptureResult::first_from_placement,
+            "(4, 4) float64: where the structure stood, in the structure frame of the first.");
+  AddMember(&capture, "covariance", &CaptureResult::covariance,
+            "(6, 6) float64, as a sensor's; zero of the first.");
+  AddMember(&capture, "built", &CaptureResult::built);
   capture
-      .def_property_readonly(
-          "first_from_placement",
-          [](const CapturePart& s) { return ArrayOf(s->first_from_placement); },
-          "(4, 4) float64: where the structure stood, in the structure frame of the first.")
-      .def_property_readonly(
-          "covariance",
-          [](const CapturePart& s) { return ArrayOf(Eigen::MatrixXd(s->covariance)); },
-          "(6, 6) float64, as a sensor's; zero of the first.")
       .def_property_readonly("sensors",
                              [](const CapturePart& s) { return SensorsOf(s.whole, *s.part); })
       .def_property_readonly("boxes",
-                             [](const CapturePart& s) { return BoxesOf(s.whole, *s.part); })
-      .def_property_readonly("built", [](const CapturePart& s) { return s->built; });
+                             [](const CapturePart& s) { return BoxesOf(s.whole, *s.part); });
 }
 
 py::object ToDict(const Calibrated& calibrated) {
@@ -256,7 +232,7 @@ void AddResult(py::module_& module) {
           "sensors", [](const Whole& c) { return SensorsOf(c, c->result); },
           "SensorResult by name.")
       .def_property_readonly(
-          "verdict", [](const Calibrated& c) { return ToString(c.result.verdict()); },
+          "verdict", [](const Calibrated& c) { return c.result.verdict(); },
           "The worst status of a sensor; with findings, \"weak\" at best.")
       .def_property_readonly(
           "findings", [](const Calibrated& c) { return c.result.findings; },
@@ -270,8 +246,7 @@ void AddResult(py::module_& module) {
       .def_property_readonly(
           "size_scale", [](const Calibrated& c) { return c.result.size_scale; },
           "Factor on the size of all boxes.")
-      .def_property_readonly(
-          "structure", [](const Calibrated& c) { return c.structure; }, "As described.")
+      .def_readonly("structure", &Calibrated::structure, "As described.")
       .def_property_readonly(
           "built", [](const Calibrated& c) { return c.result.built; },
           "The structure with its boxes where the capture shows them.")
@@ -306,17 +281,15 @@ void AddResult(py::module_& module) {
       .def_property_readonly(
           "world_from_structure",
           [](const Calibrated& c) {
-            return PoseOrNone(c.source.world ? std::optional(c.source.world->world_from_structure)
-                                             : std::nullopt);
+            return c.source.world ? std::optional(c.source.world->world_from_structure)
+                                  : std::nullopt;
           },
           "(4, 4) float64: where the structure stands in that frame, or None.")
       .def_property(
           "note", [](const Calibrated& c) { return c.source.note; },
           [](Calibrated& c, const std::string& note) { c.source.note = note; },
           "Anything to remember of it; stands in what save() and report() write.")
-      .def_property_readonly(
-          "options", [](const Calibrated& c) { return c.options; },
-          "Every option as it was used, YAML.")
+      .def_readonly("options", &Calibrated::options, "Every option as it was used, YAML.")
       .def_property_readonly(
           "timings_s",
           [](const Calibrated& c) {

@@ -26,4 +26,13 @@ struct Calibrated {
   }
 };
 
+/// What `calibrate` and `check` have in common. Each as in `calibrate`.
+struct CalibrateArguments {
+  pybind11::object capture, structure, model;
+  pybind11::object options, progress;
+  pybind11::dict keywords;
+};
+
+std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments);
+
 }  // namespace volalign::python

@@ -120,11 +120,12 @@ void AddSample(py::module_& module) {
           "(H, W) uint8: before noise.")
       .def_readonly("intrinsics", &Sample::intrinsics)
       .def_readonly("sensor", &Sample::sensor, "Kind of the sensor that was drawn.")
+      .def_readonly("structure_from_sensor", &Sample::structure_from_sensor, "(4, 4) float64, m.")
       .def_property_readonly(
-          "structure_from_sensor", [](const Sample& s) { return ArrayOf(s.structure_from_sensor); },
-          "(4, 4) float64, m.")
-      .def_property_readonly(
-          "box_offsets", [](const Sample& s) { return ArrayOf(s.box_offsets); },
+          "box_offsets",
+          [](const Sample& s) -> Array {
+            return py::module_::import("numpy").attr("stack")(s.box_offsets);
+          },
           "(boxes, 4, 4) float64: displacement of each box from its nominal place.")
       .def_readonly("size_scale", &Sample::size_scale, "Factor on the size of all boxes.")
       .def("__repr__", [](const Sample& s) {

@@ -1,5 +1,3 @@
-#include "bindings/python/structure.h"
-
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
@@ -65,9 +63,9 @@ void AddIntrinsics(py::module_& module) {
       .def_property_readonly(
           "matrix",
           [](const Intrinsics& k) {
-            Eigen::MatrixXd matrix(3, 3);
+            Eigen::Matrix3d matrix;
             matrix << k.fx, 0, k.cx, 0, k.fy, k.cy, 0, 0, 1;
-            return ArrayOf(matrix);
+            return matrix;
           },
           "(3, 3) float64: OpenCV's camera matrix.")
       .def("resized", &Intrinsics::Resized, py::arg("width"), py::arg("height"),
@@ -96,12 +94,9 @@ void AddBoxes(py::module_& module) {
            "low, high: (3,) corners, structure frame, m, y up. yaw_deg: turn about the vertical "
            "through its centre, from +z towards +x.")
       .def_readonly("name", &Box::name)
-      .def_property_readonly(
-          "size", [](const Box& box) { return ArrayOf(box.size); },
-          "(3,) float64: along its own axes, m.")
-      .def_property_readonly(
-          "structure_from_box", [](const Box& box) { return ArrayOf(box.structure_from_box); },
-          "(4, 4) float64: of its centre.")
+      .def_readonly("size", &Box::size, "(3,) float64: along its own axes, m.")
+      .def_readonly("structure_from_box", &Box::structure_from_box,
+                    "(4, 4) float64: of its centre.")
       .def_property_readonly(
           "is_mesh", [](const Box& box) { return box.mesh != nullptr; },
           "Is it a mesh, which Structure.load read?")
@@ -148,7 +143,7 @@ void AddBoxes(py::module_& module) {
             Eigen::MatrixXd centres(structure.num_classes() - 1, 3);
             for (int label = 1; label < structure.num_classes(); ++label)
               centres.row(label - 1) = structure.SideOfLabel(label).centre.transpose();
-            return ArrayOf(centres);
+            return centres;
           },
           "(K-1, 3) float64: of the labels 1, 2, ..., m.")
       .def("cast_view", &CastViewOf, py::arg("intrinsics"), py::arg("structure_from_sensor"),
@@ -204,8 +199,8 @@ void AddPoses(py::module_& module) {
   module.def(
       "look_at",
       [](const py::handle& position, const py::handle& target, double roll_deg) {
-        return ArrayOf(LookAt(VectorOf(position, "position"), VectorOf(target, "target"),
-                              roll_deg * kRadians));
+        return LookAt(VectorOf(position, "position"), VectorOf(target, "target"),
+                      roll_deg * kRadians);
       },
       py::arg("position"), py::arg("target"), py::arg("roll_deg") = 0.0,
       "(4, 4) structure_from_sensor of a level sensor at `position` that looks at `target`, (3,) "
@@ -213,19 +208,13 @@ void AddPoses(py::module_& module) {
   module.def(
       "compare_poses",
       [](const py::handle& a, const py::handle& b) {
-        const PoseError error = ComparePoses(PoseOf(a, "a"), PoseOf(b, "b"));
-        return py::make_tuple(error.translation_m, error.rotation_deg);
+        return ComparePoses(PoseOf(a, "a"), PoseOf(b, "b"));
       },
       py::arg("a"), py::arg("b"),
       "Distance, m, of the positions and angle, deg, between two (4, 4) poses.");
 }
 
 }  // namespace
-
-Structure StructureOf(const py::handle& object) {
-  if (IsPath(object)) return ReadStructure(PathOf(object));
-  return object.cast<Structure>();
-}
 
 void AddStructure(py::module_& module) {
   AddIntrinsics(module);
