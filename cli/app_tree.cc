@@ -146,4 +146,83 @@ std::string UnknownOption(CLI::App* program) {
   return "";
 }
 
+namespace {
+
+std::string OptionRow(const CLI::Option* option) {
+  const std::string name = option->get_positional()
+                               ? option->get_name(/*positional=*/true)
+                               : option->get_name(/*positional=*/false, /*all=*/true);
+  std::string meaning = option->get_description();
+  if (const auto words = Choices(option); !words.empty())
+    meaning += fmt::format(" ({})", fmt::join(words, ", "));
+  if (const std::string limits = Limits(option); !limits.empty()) meaning += "; " + limits;
+  if (option->get_required()) meaning += "; required";
+  if (!option->get_default_str().empty())
+    meaning += fmt::format("; default {}", option->get_default_str());
+  return MarkdownParagraph(fmt::format("`{}`: {}", name, meaning), "- ");
+}
+
+std::string Section(const CLI::App* app, const std::string& path) {
+  std::string text = fmt::format("\n## volalign {}\n\n{}\n", path,
+                                 MarkdownParagraph(app->get_description() + "."));
+  for (const CLI::Option* option :
+       app->get_options([](const CLI::Option* o) { return o->get_positional(); }))
+    text += OptionRow(option);
+  for (const CLI::Option* option :
+       app->get_options([](const CLI::Option* o) { return !o->get_positional(); })) {
+    if (option->check_lname("help") || option->check_lname("data-dir")) continue;
+    text += OptionRow(option);
+  }
+  const std::string footer = app->get_footer(), title = "Example:\n";
+  if (const std::size_t at = footer.find(title); at != std::string::npos)
+    text += "\n" + Indented(footer.substr(at + title.size()), "  ");
+  return text;
+}
+
+}  // namespace
+
+std::string CommandReference(CLI::App* program) {
+  std::string text = "# Command line\n";
+  ForEachApp(program, [&](CLI::App* app, const std::string& path) {
+    if (CommandNames(app).empty()) text += Section(app, path);
+  });
+  return text;
+}
+
+std::string BashCompletion(CLI::App* program) {
+  std::string paths, words, values;
+  ForEachApp(program, [&](CLI::App* app, const std::string& path) {
+    if (!path.empty()) paths += fmt::format("      \"{}\") command=\"$next\" ;;\n", path);
+    std::vector<std::string> all = CommandNames(app);
+    for (const std::string& option : OptionNames(app)) all.push_back(option);
+    words += fmt::format("    \"{}\") choices=\"{}\" ;;\n", path, fmt::join(all, " "));
+    for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; })) {
+      const std::vector<std::string> choices = Choices(option);
+      if (choices.empty()) continue;
+      for (const std::string& name : option->get_lnames())
+        values += fmt::format("    \"{} --{}\") choices=\"{}\" ;;\n", path, name,
+                              fmt::join(choices, " "));
+    }
+  });
+  return "# Completion of volalign, as `volalign completion` prints it.\n"
+         "_volalign() {\n"
+         "  local cur=\"${COMP_WORDS[COMP_CWORD]}\" previous=\"${COMP_WORDS[COMP_CWORD-1]}\"\n"
+         "  local command=\"\" next choices=\"\" i\n"
+         "  for ((i = 1; i < COMP_CWORD; ++i)); do\n"
+         "    next=\"${command:+$command }${COMP_WORDS[i]}\"\n"
+         "    case \"$next\" in\n" +
+         paths +
+         "    esac\n"
+         "  done\n"
+         "  case \"$command\" in\n" +
+         words +
+         "  esac\n"
+         "  case \"$command $previous\" in\n" +
+         values +
+         "  esac\n"
+         "  COMPREPLY=($(compgen -W \"$choices\" -- \"$cur\"))\n"
+         "}\n"
+         "complete -o default -F _volalign volalign\n";
+}
+
 }  // namespace volalign

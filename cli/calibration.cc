@@ -11,10 +11,9 @@
 #include <utility>
 
 #include "cli/command_line.h"
-#include "cli/data_folder.h"
+#include "cli/commands.h"
 #include "cli/load_segmenter.h"
 #include "cli/options.h"
-#include "cli/shipped_model.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"

@@ -3,11 +3,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string_view>
 #include <system_error>
 
+#include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/input_file.h"
 #include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "core/geometry/stack_faults.h"
@@ -117,6 +122,62 @@ bool IsAsWritten(const std::filesystem::path& file) {
   const std::filesystem::path command = CommandFile(file);
   return std::filesystem::exists(command, error) &&
          ReadFile(command, kMaxTextBytes).find("\n" + HashLine(file)) != std::string::npos;
+}
+
+namespace {
+
+/// The folder of docs/NAME: "" for the working folder, else beside the data or its documents.
+std::optional<std::filesystem::path> FolderOf(const std::filesystem::path& page) {
+  for (const std::filesystem::path& folder :
+       {std::filesystem::path(), std::filesystem::path(DataFolder()),
+        std::filesystem::path(DataFolder()) / "../doc/volalign"}) {
+    std::error_code error;
+    if (std::filesystem::exists(folder / page, error)) return folder;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string FindDataFolder(const std::string& given) {
+  if (!given.empty()) {
+    if (!IsDataFolder(given)) {
+      throw IoError(fmt::format(
+          "--data-dir {}: configs/structure.yaml is not in it; give the folder that has configs "
+          "and models",
+          given));
+    }
+    return given;
+  }
+  return DataFolder();
+}
+
+std::string WithPages(const std::string& message) {
+  constexpr std::string_view kFolder = "docs/", kEnding = ".md";
+  constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz-";
+  std::string text;
+  std::size_t rest = 0;
+  for (std::size_t at = 0; (at = message.find(kFolder, at)) != std::string::npos;) {
+    const std::size_t name = at + kFolder.size();
+    const std::size_t end = std::min(message.find_first_not_of(kLetters, name), message.size());
+    if (end == name || message.compare(end, kEnding.size(), kEnding) != 0) {
+      at = name;
+      continue;
+    }
+    const std::filesystem::path page = message.substr(at, end + kEnding.size() - at);
+    text += message.substr(rest, at - rest);
+    text += (FolderOf(page).value_or(std::filesystem::path()) / page).lexically_normal().string();
+    rest = at = end + kEnding.size();
+  }
+  return text + message.substr(rest);
+}
+
+std::string DataFolderHint(const std::string& message) {
+  const bool of_data =
+      message.find("configs/") != std::string::npos || message.find("models/") != std::string::npos;
+  if (!DataFolder().empty() || !of_data) return "";
+  return "; the program's own configs and models were not found: --data-dir FOLDER, or "
+         "VOLALIGN_DATA_DIR in the environment, names the folder that has them";
 }
 
 }  // namespace volalign

@@ -5,6 +5,9 @@
 
 namespace volalign {
 
+/// The network of configs/structure.yaml that comes with the program, in the data folder.
+inline constexpr char kShippedModel[] = "models/m05-lite.safetensors";
+
 /// A sub-command: the app that the parser fills in, and the function that runs. `run` returns the
 /// exit status and throws volalign::Error for everything that `main` should print.
 struct Command {

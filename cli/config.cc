@@ -120,4 +120,14 @@ Command AddConfigCommand(CLI::App& program) {
           }};
 }
 
+Command AddCompletionCommand(CLI::App& program) {
+  CLI::App* app = program.add_subcommand("completion", "Print a completion for the shell");
+  app->require_subcommand(1);
+  app->add_subcommand("bash", "A script for bash: sub-commands, options and their choices");
+  return {app, [&program] {
+            fmt::print("{}", BashCompletion(&program));
+            return 0;
+          }};
+}
+
 }  // namespace volalign

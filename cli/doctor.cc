@@ -16,7 +16,6 @@
 #include <string>
 
 #include "cli/commands.h"
-#include "cli/shipped_model.h"
 #include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"

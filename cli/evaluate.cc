@@ -14,7 +14,6 @@
 #include "cli/commands.h"
 #include "cli/load_segmenter.h"
 #include "cli/options.h"
-#include "cli/shipped_model.h"
 #include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/file_limits.h"

@@ -6,7 +6,6 @@
 
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "cli/data_folder.h"
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"

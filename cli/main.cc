@@ -13,7 +13,6 @@
 #include "cli/app_tree.h"
 #include "cli/command_line.h"
 #include "cli/commands.h"
-#include "cli/data_folder.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/base/interrupt.h"
