@@ -9,7 +9,6 @@
 #include "cli/command_line.h"
 #include "cli/table_output.h"
 #include "train/log/run_log.h"
-#include "train/log/run_table.h"
 
 namespace volalign {
 

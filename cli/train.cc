@@ -21,7 +21,6 @@
 #include "train/compute.h"
 #include "train/distributed/launch.h"
 #include "train/log/run_log.h"
-#include "train/log/run_table.h"
 #include "train/run_inputs.h"
 #include "train/sweep.h"
 #include "train/together.h"

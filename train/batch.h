@@ -3,37 +3,28 @@
 #include <ATen/core/Tensor.h>
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <vector>
 
+#include "core/base/ordered_prefetch.h"
 #include "render/recent_lenses.h"
 #include "render/sample.h"
 
 namespace volalign {
 
-/// Consecutive samples, one batch per call: the rendered stream, or the samples of a test.
-class SampleSource {
- public:
-  virtual ~SampleSource() = default;
-  /// The next batch; all samples have the same image size.
-  virtual std::vector<Sample> Next() = 0;
-};
+/// Consecutive samples, one batch per call, all of one image size: the rendered stream, a dataset,
+/// or the samples of a test.
+using SampleSource = std::function<std::vector<Sample>()>;
 
 struct Batch {
   at::Tensor depth;   ///< [B,1,H,W] float32, m
   at::Tensor labels;  ///< [B,H,W] int64
   at::Tensor rays;    ///< [B,2,H,W] float32, (x/z, y/z) of each pixel; 0 without a ray
+  std::vector<Intrinsics> cameras = {};  ///< of each sample
 
-  /// Samples [first, first + count), without a copy.
+  /// Samples [first, first + count), without a copy and without cameras.
   Batch Narrow(std::int64_t first, std::int64_t count) const;
-};
-
-/// A batch on its way to a device, with as few bytes as possible.
-struct PackedBatch {
-  /// [B,1,H,W]: int16, mm, if that is exact (render/noise.h: RoundKept), else float32, m.
-  at::Tensor depth;
-  at::Tensor labels;                ///< [B,H,W] uint8
-  std::vector<at::Tensor> rays;     ///< of each sample, [2,H,W] float32, on the device already
-  std::vector<Intrinsics> cameras;  ///< of each sample
 };
 
 /// Packs samples for a device, with the rays of their cameras through their lenses. A pixel without
@@ -43,9 +34,10 @@ class BatchPacker {
  public:
   explicit BatchPacker(const at::Device& device) : device_(device) {}
 
-  /// If the device is not the CPU, images are in pinned memory, so that copies do not block. Throws
-  /// Error for no samples, or images of unequal sizes.
-  PackedBatch Pack(const std::vector<Sample>& samples);
+  /// A batch whose labels are still uint8. Its depth and labels are still in memory, which is
+  /// pinned if the device is not the CPU, so that copies do not block. Throws Error for no samples,
+  /// or images of unequal sizes.
+  Batch Pack(const std::vector<Sample>& samples);
 
  private:
   struct Camera {
@@ -59,9 +51,27 @@ class BatchPacker {
 };
 
 /// The samples' values, bit for bit, on the device of the rays.
-Batch Unpack(const PackedBatch& packed);
+Batch Unpack(const Batch& packed);
 
 /// Unpack of Pack on the CPU. Throws as Pack.
 Batch Collate(const std::vector<Sample>& samples);
+
+/// A source's batches on a device.
+class BatchFeed {
+ public:
+  /// Batches that are packed for a CUDA device while an earlier one is in training.
+  static constexpr int kAhead = 2;
+
+  /// A thread packs `ahead` batches. 0: each batch is packed when it is needed.
+  BatchFeed(SampleSource source, const at::Device& device, int ahead);
+
+  /// The next batch. Does not wait for the device. Rethrows exceptions of the source.
+  Batch Next();
+
+ private:
+  SampleSource source_;
+  BatchPacker packer_;
+  std::unique_ptr<OrderedPrefetch<Batch>> ahead_;  ///< last: its thread uses the others
+};
 
 }  // namespace volalign

@@ -13,7 +13,7 @@
 #include "render/egl/renderers.h"
 #include "train/compute.h"
 #include "train/real_frames.h"
-#include "train/rendered_source.h"
+#include "train/training_data.h"
 
 namespace volalign {
 
@@ -26,12 +26,11 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
   const Compute compute = ChooseCompute(config.run);
   model.net->to(compute.device);
   const TrainingLoss loss(config.loss, context->structure, compute.device);
-  std::unique_ptr<SampleSource> source;
+  SampleSource source;
   if (config.data.real.validation.empty()) {
     const Renderers renderers = ChooseRenderers(config.data.renderer, {}, compute.device.is_cuda());
-    source =
-        std::make_unique<RenderedSource>(context, config.run, renderers.make,
-                                         static_cast<std::uint64_t>(config.run.validation_seed), 0);
+    source = RenderedSamples(context, config.run, renderers.make,
+                             static_cast<std::uint64_t>(config.run.validation_seed), 0);
   } else {
     const std::vector<RealFrame> frames =
         ReadRealFrames(config.data.real.validation, context->structure);
@@ -39,7 +38,7 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
     source = HeldOut(frames, context->image_sizes, config.run.batch_size,
                      config.data.pose.roll_offsets_deg);
   }
-  return Validate(model.net, loss, context->structure, config.loss.keypoints, *source, samples,
+  return Validate(model.net, loss, context->structure, config.loss.keypoints, source, samples,
                   compute.device, compute.channels_last, count);
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/ordered_prefetch.h"
 #include "core/base/random.h"
 
 namespace volalign {
@@ -44,7 +45,7 @@ namespace {
 /// last epoch.
 class BatchReader {
  public:
-  BatchReader(std::shared_ptr<const Dataset> dataset, const DatasetSource::Options& options)
+  BatchReader(std::shared_ptr<const Dataset> dataset, const DatasetOrder& options)
       : dataset_(std::move(dataset)),
         seed_(options.seed),
         batch_size_(options.batch_size),
@@ -87,27 +88,18 @@ class BatchReader {
 
 }  // namespace
 
-DatasetSource::DatasetSource(std::shared_ptr<const Dataset> dataset, const Options& options) {
-  if (dataset == nullptr) throw Error("DatasetSource: no dataset");
-  if (options.batch_size < 1 || options.num_threads < 1 || options.prefetch < 1) {
-    throw Error(
-        fmt::format("DatasetSource: batch_size = {}, num_threads = {}, prefetch = {} violate >= 1",
-                    options.batch_size, options.num_threads, options.prefetch));
-  }
+SampleSource DatasetSamples(std::shared_ptr<const Dataset> dataset, const DatasetOrder& options) {
   const auto size = static_cast<std::uint64_t>(options.batch_size);
-  if (options.first_sample % size != 0) {
+  if (options.batch_size < 1 || options.first_sample % size != 0) {
     throw Error(
-        fmt::format("DatasetSource: first_sample = {} is not a multiple of the batch size {}",
-                    options.first_sample, size));
+        fmt::format("DatasetSamples: first_sample = {} is not a multiple of the batch size {}",
+                    options.first_sample, options.batch_size));
   }
-  OrderedPrefetch<std::vector<Sample>>::Options ahead;
-  ahead.first_index = options.first_sample / size;
-  ahead.prefetch = options.prefetch;
-  ahead.num_threads = options.num_threads;
-  batches_ = std::make_unique<OrderedPrefetch<std::vector<Sample>>>(
-      ahead, [reader = BatchReader(std::move(dataset), options)] { return reader; });
+  using Batches = OrderedPrefetch<std::vector<Sample>>;
+  const auto batches = std::make_shared<Batches>(
+      Batches::Options{options.first_sample / size, 1, options.prefetch, options.num_threads},
+      [reader = BatchReader(std::move(dataset), options)] { return reader; });
+  return [batches] { return batches->Take(); };
 }
-
-std::vector<Sample> DatasetSource::Next() { return batches_->Take(); }
 
 }  // namespace volalign

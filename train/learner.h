@@ -4,7 +4,6 @@
 
 #include "core/geometry/structure.h"
 #include "core/nn/network.h"
-#include "train/averaging.h"
 #include "train/compute.h"
 #include "train/distributed/flat_module.h"
 #include "train/optimizer.h"

@@ -80,4 +80,45 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
     moments[i].copy_(at::where(finite, moments[i], before[i + 1]));
 }
 
+double LearningRate(const OptimConfig& config, std::int64_t samples, std::int64_t total) {
+  const std::int64_t since = samples - config.warmup_samples;
+  if (since < 0) {
+    return config.lr * static_cast<double>(samples + 1) /
+           static_cast<double>(config.warmup_samples + 1);
+  }
+  if (config.schedule == Schedule::kConstant) return config.lr;
+  const double rest = static_cast<double>(std::max<std::int64_t>(1, total - config.warmup_samples));
+  return config.lr * 0.5 * (1 + std::cos(M_PI * std::min(1.0, static_cast<double>(since) / rest)));
+}
+
+WeightAverage::WeightAverage(StructureNet net, double decay, FlatModule& source)
+    : net_(std::move(net)), flat_(*net_), decay_(decay) {
+  Reset(source);
+}
+
+void WeightAverage::Update(FlatModule& source, std::int64_t steps, const at::Tensor& finite) {
+  if (decay_ == 0) return;
+  c10::NoGradGuard no_grad;
+  const double t = static_cast<double>(steps);
+  const double weight = 1 - std::min(decay_, (1 + t) / (10 + t));
+  if (finite.defined()) {
+    const at::Tensor share = finite.to(at::kFloat) * weight;
+    flat_.parameters().lerp_(source.parameters(), share);
+    flat_.buffers().lerp_(source.buffers(), share);
+    return;
+  }
+  flat_.parameters().lerp_(source.parameters(), weight);
+  flat_.buffers().lerp_(source.buffers(), weight);
+}
+
+void WeightAverage::Refresh(FlatModule& source) {
+  if (decay_ == 0) Reset(source);
+}
+
+void WeightAverage::Reset(FlatModule& source) {
+  c10::NoGradGuard no_grad;
+  flat_.parameters().copy_(source.parameters());
+  flat_.buffers().copy_(source.buffers());
+}
+
 }  // namespace volalign

@@ -149,62 +149,6 @@ void Label(const ExpectedView& expected, Sample* sample) {
   }
 }
 
-class MixedSource : public SampleSource {
- public:
-  MixedSource(std::unique_ptr<SampleSource> inner,
-              std::shared_ptr<const std::vector<RealFrame>> frames, double share,
-              std::uint64_t seed, std::vector<double> roll_offsets_deg)
-      : inner_(std::move(inner)),
-        frames_(std::move(frames)),
-        share_(share),
-        seed_(seed),
-        roll_offsets_deg_(std::move(roll_offsets_deg)) {}
-
-  std::vector<Sample> Next() override {
-    std::vector<Sample> batch = inner_->Next();
-    for (Sample& sample : batch) {
-      RandomStream random(seed_, sample.index, "real");
-      if (random.Uniform() >= share_) continue;
-      const std::vector<std::shared_ptr<const Sample>>& fitting =
-          Fitting(sample.depth.width(), sample.depth.height());
-      if (fitting.empty()) continue;
-      const std::uint64_t index = sample.index;
-      sample = *fitting[static_cast<std::size_t>(random.Below(static_cast<int>(fitting.size())))];
-      sample.index = index;
-    }
-    return batch;
-  }
-
- private:
-  /// The frames of an image size, labelled once.
-  const std::vector<std::shared_ptr<const Sample>>& Fitting(int width, int height) {
-    const auto [at, is_new] = fitting_.try_emplace({width, height});
-    if (!is_new) return at->second;
-    for (const RealFrame& frame : *frames_) {
-      if (std::shared_ptr<const Sample> s = LabelledSample(frame, width, height, roll_offsets_deg_))
-        at->second.push_back(std::move(s));
-    }
-    return at->second;
-  }
-
-  std::unique_ptr<SampleSource> inner_;
-  std::shared_ptr<const std::vector<RealFrame>> frames_;
-  double share_;
-  std::uint64_t seed_;
-  std::vector<double> roll_offsets_deg_;
-  std::map<std::pair<int, int>, std::vector<std::shared_ptr<const Sample>>> fitting_;
-};
-
-class HeldOutSource : public SampleSource {
- public:
-  explicit HeldOutSource(std::vector<std::vector<Sample>> batches) : batches_(std::move(batches)) {}
-  std::vector<Sample> Next() override { return batches_[next_++ % batches_.size()]; }
-
- private:
-  std::vector<std::vector<Sample>> batches_;
-  std::size_t next_ = 0;
-};
-
 }  // namespace
 
 std::vector<RealFrame> ReadRealFrames(const std::vector<std::string>& extrinsics,
@@ -251,17 +195,34 @@ std::unique_ptr<Sample> LabelledSample(const RealFrame& frame, int width, int he
   return nullptr;
 }
 
-std::unique_ptr<SampleSource> MixIn(std::unique_ptr<SampleSource> inner,
-                                    std::shared_ptr<const std::vector<RealFrame>> frames,
-                                    double share, std::uint64_t seed,
-                                    const std::vector<double>& roll_offsets_deg) {
-  return std::make_unique<MixedSource>(std::move(inner), std::move(frames), share, seed,
-                                       roll_offsets_deg);
+SampleSource MixIn(SampleSource inner, std::shared_ptr<const std::vector<RealFrame>> frames,
+                   double share, std::uint64_t seed, const std::vector<double>& roll_offsets_deg) {
+  using Labelled = std::vector<std::shared_ptr<const Sample>>;
+  return [=, of_size = std::map<std::pair<int, int>, Labelled>()]() mutable {
+    std::vector<Sample> batch = inner();
+    for (Sample& sample : batch) {
+      RandomStream random(seed, sample.index, "real");
+      if (random.Uniform() >= share) continue;
+      const int width = sample.depth.width(), height = sample.depth.height();
+      const auto [at, is_new] = of_size.try_emplace({width, height});
+      Labelled& fitting = at->second;  // labelled once
+      for (std::size_t i = 0; is_new && i < frames->size(); ++i) {
+        std::shared_ptr<const Sample> labelled =
+            LabelledSample((*frames)[i], width, height, roll_offsets_deg);
+        if (labelled) fitting.push_back(std::move(labelled));
+      }
+      if (fitting.empty()) continue;
+      const std::uint64_t index = sample.index;
+      sample = *fitting[static_cast<std::size_t>(random.Below(static_cast<int>(fitting.size())))];
+      sample.index = index;
+    }
+    return batch;
+  };
 }
 
-std::unique_ptr<SampleSource> HeldOut(const std::vector<RealFrame>& frames,
-                                      const std::vector<std::pair<int, int>>& image_sizes,
-                                      int batch_size, const std::vector<double>& roll_offsets_deg) {
+SampleSource HeldOut(const std::vector<RealFrame>& frames,
+                     const std::vector<std::pair<int, int>>& image_sizes, int batch_size,
+                     const std::vector<double>& roll_offsets_deg) {
   std::map<std::pair<int, int>, std::vector<Sample>> of_size;
   for (const RealFrame& frame : frames) {
     std::unique_ptr<Sample> sample;
@@ -284,7 +245,9 @@ std::unique_ptr<SampleSource> HeldOut(const std::vector<RealFrame>& frames,
       batches.emplace_back(samples.begin() + first, samples.begin() + end);
     }
   }
-  return std::make_unique<HeldOutSource>(std::move(batches));
+  return [batches = std::move(batches), next = std::size_t{0}]() mutable {
+    return batches[next++ % batches.size()];
+  };
 }
 
 }  // namespace volalign

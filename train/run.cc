@@ -14,8 +14,8 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "train/log/metrics.h"
+#include "train/optimizer.h"
 #include "train/run_inputs.h"
-#include "train/schedule.h"
 #include "train/together.h"
 
 namespace volalign {
@@ -74,9 +74,9 @@ bool Run::Ready() {
   return Rescued([&] { return !Interrupted(); });
 }
 
-bool Run::Advance(const FedBatch& fed) {
+bool Run::Advance(const Batch& batch) {
   const std::int64_t before = progress_.samples;
-  if (!Rescued([&] { return Step(fed); })) return false;
+  if (!Rescued([&] { return Step(batch); })) return false;
   const RunConfig& run = config_.run;
   const bool last = progress_.samples >= run.samples;
   const auto due = [&](std::int64_t every) {
@@ -185,8 +185,7 @@ bool Run::OwesValidation() const {
 }
 
 /// False if a process was interrupted.
-bool Run::Step(const FedBatch& fed) {
-  const Batch& batch = fed.batch;
+bool Run::Step(const Batch& batch) {
   // Processes have different numbers of micro-batches, so they cannot agree between these.
   const bool alone = group_.size() == 1;
   const std::int64_t samples = alone ? batch.depth.size(0) : config_.run.batch_size;
@@ -208,7 +207,7 @@ bool Run::Step(const FedBatch& fed) {
     learner_.flat.buffers().copy_(buffers);
     return false;
   }
-  progress_.NoteCameras(fed.cameras);
+  progress_.NoteCameras(batch.cameras);
   const auto updating = Clock::now();
   progress_.lr = LearningRate(config_.optim, progress_.samples, config_.run.samples);
   at::Tensor& moved = learner_.flat.buffers();
@@ -289,7 +288,6 @@ std::optional<ValidationResult> Run::ValidateNow() {
     return ValidationResult();
   }
   learner_.average.Refresh(learner_.flat);
-  const std::unique_ptr<SampleSource> source = data_.open_validation();
   const CountDone count = bar_ ? bar_->Counter() : nullptr;
   const auto before_batch = [&](std::int64_t done, std::int64_t all) {
     if (count) count(done, all);
@@ -297,8 +295,9 @@ std::optional<ValidationResult> Run::ValidateNow() {
   };
   ValidationResult own;
   try {
-    own = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints, *source,
-                   OwnValidationSamples(), compute_.device, compute_.channels_last, before_batch);
+    own = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints,
+                   data_.open_validation(), OwnValidationSamples(), compute_.device,
+                   compute_.channels_last, before_batch);
   } catch (const Interruption&) {
     return std::nullopt;
   }

@@ -7,13 +7,12 @@
 #include <vector>
 
 #include "core/base/interrupt.h"
-#include "train/batch_feed.h"
+#include "train/batch.h"
 #include "train/compute.h"
 #include "train/distributed/process_group.h"
 #include "train/learner.h"
 #include "train/log/run_folder.h"
 #include "train/log/sinks.h"
-#include "train/log/tensorboard_sink.h"
 #include "train/losses.h"
 #include "train/state.h"
 #include "train/step.h"
@@ -42,7 +41,7 @@ class Run {
   bool Ready();
   /// A step with the validation and saving that are due after it. False: interrupted, or no sample
   /// is left.
-  bool Advance(const FedBatch& fed);
+  bool Advance(const Batch& batch);
   TrainResult End();
   /// The message if the device's memory is too small.
   std::string OutOfMemory() const;
@@ -55,7 +54,7 @@ class Run {
   bool ValidateIfOwed();
   template <class F>
   bool Rescued(const F& f);
-  bool Step(const FedBatch& fed);
+  bool Step(const Batch& batch);
   void Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples);
   void Collect();
   void Foretell();

@@ -6,10 +6,11 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "core/base/error.h"
+#include "core/config/config.h"
 #include "core/json/json_archive.h"
-#include "train/same_run.h"
 
 namespace volalign {
 
@@ -77,6 +78,22 @@ struct StateMeta {
   }
 };
 
+/// Keys that may differ if a run is resumed. They change no sample and no step, with two
+/// exceptions. run.threads and run.device change the rounding of a step's sums. So does
+/// data.renderer, which also changes few pixels at edges. RequireSameInputs compares the contents
+/// of data.structure and data.intrinsics.
+const std::set<std::string>& FreeKeys() {
+  static const std::set<std::string> keys = {"data.real.validation", "data.renderer",
+                                             "data.structure",       "data.intrinsics",
+                                             "run.samples",          "run.validation_samples",
+                                             "run.validate_every",   "run.checkpoint_every",
+                                             "run.tensorboard",      "run.log_every",
+                                             "run.threads",          "run.loader_threads",
+                                             "run.device",           "run.lost_after_s",
+                                             "run.dataset",          "run.validation_dataset"};
+  return keys;
+}
+
 std::string MomentPrefix(const std::string& moment) { return "optimizer/" + moment + "/"; }
 
 void RestoreMoment(const TensorFile& state, const std::string& prefix, const FlatModule& layout,
@@ -132,6 +149,32 @@ void SaveState(const std::filesystem::path& path, const TrainConfig& config,
     learner.flat.AddViews(moment, MomentPrefix(name), &state.tensors);
   }
   WriteTensorFile(path, state);
+}
+
+void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
+                    const std::string& path) {
+  // A key that is newer than the state had the effect of its default.
+  const std::string before = WriteConfig(ReadSavedConfig(saved_yaml, path));
+  for (const auto& [key, was, is] : FindDifferences(before, WriteConfig(config))) {
+    if (key == "run.samples" && config.optim.DependsOnLength()) {
+      throw ConfigError(fmt::format(
+          "run.samples = {} differs from {} in {}: with this optim.schedule the learning rate "
+          "depends on it, and would jump: resume with the run's own, or start a new run from its "
+          "weights with run.init",
+          is, was, path));
+    }
+    if (FreeKeys().count(key) > 0) continue;
+    throw ConfigError(fmt::format(
+        "{} = {} differs from {} in {}: resume with the run's own config.yaml, or start a new run",
+        key, is, was, path));
+  }
+}
+
+bool SameValidation(const std::string& saved_yaml, const TrainConfig& config) {
+  const TrainConfig before = ReadSavedConfig(saved_yaml, "the saved configuration");
+  return before.run.validation_samples == config.run.validation_samples &&
+         before.run.validation_dataset == config.run.validation_dataset &&
+         before.data.real.validation == config.data.real.validation;
 }
 
 namespace {

@@ -45,6 +45,14 @@ void SaveState(const std::filesystem::path& path, const TrainConfig& config,
                const std::string& data_identity, const Compute& compute, Learner& learner,
                const RunProgress& progress);
 
+/// Throws ConfigError if `config` differs from `saved_yaml`, the configuration of the state `path`,
+/// in a key that changes a sample or a step. Other keys may differ if a run is resumed.
+void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
+                    const std::string& path);
+
+/// Are the results of validations under both configurations comparable?
+bool SameValidation(const std::string& saved_yaml, const TrainConfig& config);
+
 /// A state that was read, of the run that the caller wants to continue.
 struct SavedState {
   std::filesystem::path path;

@@ -28,17 +28,11 @@ const std::set<std::string>& KeysOfTheMachine() {
 
 void RequireSame(const SharedRun& own, const std::string& config, const std::string& dataset,
                  int rank) {
-  const ConfigSource lead = ConfigSource::FromString(config, "rank 0");
-  const ConfigSource here = ConfigSource::FromString(own.config, "this process");
-  for (const auto& [key, leaf] : here.leaves()) {
-    const auto other = lead.leaves().find(key);
+  for (const auto& [key, lead, here] : FindDifferences(config, own.config)) {
     if (KeysOfTheMachine().count(key) > 0) continue;
-    if (other != lead.leaves().end() && other->second.values == leaf.values) continue;
     throw ConfigError(fmt::format(
         "rank {} has {} = {}, and rank 0 {}: start all processes with the same configuration", rank,
-        key, fmt::join(leaf.values, ", "),
-        other == lead.leaves().end() ? "nothing"
-                                     : fmt::format("{}", fmt::join(other->second.values, ", "))));
+        key, here, lead));
   }
   if (dataset != own.dataset) {
     throw ConfigError(fmt::format(

@@ -245,4 +245,12 @@ TrainConfig ReadTrainConfig(const ConfigSource& source);
 /// is its place, for messages.
 TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name);
 
+/// A key with other values in two configurations; a list's are joined by ", ".
+struct ConfigDifference {
+  std::string key, before, now;
+};
+/// Compares two outputs of WriteConfig, in the order of the keys of `now`. A key that `before`
+/// lacks has "nothing".
+std::vector<ConfigDifference> FindDifferences(const std::string& before, const std::string& now);
+
 }  // namespace volalign

@@ -12,10 +12,9 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/interrupt.h"
-#include "train/batch_feed.h"
+#include "train/batch.h"
 #include "train/run.h"
 #include "train/run_inputs.h"
-#include "train/same_run.h"
 #include "train/together.h"
 
 namespace volalign {

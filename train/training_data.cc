@@ -14,9 +14,9 @@
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
 #include "render/sample.h"
+#include "render/sample_stream.h"
 #include "train/dataset_source.h"
 #include "train/real_frames.h"
-#include "train/rendered_source.h"
 
 namespace volalign {
 namespace {
@@ -99,18 +99,14 @@ Renderers RendererOf(const TrainConfig& config, bool only_validates) {
 }
 
 /// Samples of `seed` from a folder, or rendered if there is none.
-std::unique_ptr<SampleSource> OpenSource(const std::shared_ptr<const Dataset>& dataset,
-                                         const std::shared_ptr<const SampleContext>& context,
-                                         const RunConfig& run, const RendererFactory& renderers,
-                                         std::int64_t seed, std::int64_t first_sample,
-                                         const BatchSlice& slice) {
+SampleSource OpenSource(const std::shared_ptr<const Dataset>& dataset,
+                        const std::shared_ptr<const SampleContext>& context, const RunConfig& run,
+                        const RendererFactory& renderers, std::int64_t seed,
+                        std::int64_t first_sample, const BatchSlice& slice) {
   const auto of = static_cast<std::uint64_t>(seed),
              first = static_cast<std::uint64_t>(first_sample);
-  if (!dataset) {
-    return std::make_unique<RenderedSource>(context, run, renderers, of, first, slice);
-  }
-  return std::make_unique<DatasetSource>(
-      dataset, DatasetSource::Options{of, first, run.batch_size, run.loader_threads, slice});
+  if (!dataset) return RenderedSamples(context, run, renderers, of, first, slice);
+  return DatasetSamples(dataset, {of, first, run.batch_size, run.loader_threads, slice});
 }
 
 /// The frames of a list of calibrations, each of which fits an image size; null for no files.
@@ -153,6 +149,15 @@ std::string IdentityOf(const Dataset* training, const RealConfig& real,
 }
 
 }  // namespace
+
+SampleSource RenderedSamples(std::shared_ptr<const SampleContext> context, const RunConfig& run,
+                             RendererFactory renderers, std::uint64_t seed,
+                             std::uint64_t first_index, const BatchSlice& slice) {
+  const auto stream = std::make_shared<SampleStream>(
+      std::move(context),
+      SampleStream::Options{seed, first_index, run.loader_threads, std::move(renderers), slice});
+  return [stream] { return stream->Next(); };
+}
 
 TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice) {
   config.Validate();

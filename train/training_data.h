@@ -7,6 +7,7 @@
 
 #include "core/base/batch_slice.h"
 #include "core/geometry/structure.h"
+#include "render/depth_renderer.h"
 #include "train/batch.h"
 #include "train/train_config.h"
 
@@ -24,12 +25,18 @@ struct TrainingData {
   std::string drawn_by, renderer;
   /// Opens the run's samples from number `first_sample` on, a multiple of the batch size. Only this
   /// process's slice of each batch.
-  std::function<std::unique_ptr<SampleSource>(std::int64_t first_sample)> open_training;
+  std::function<SampleSource(std::int64_t first_sample)> open_training;
   /// Opens the validation samples, which no step has seen, from the first; the same ones each time.
-  std::function<std::unique_ptr<SampleSource>()> open_validation;
+  std::function<SampleSource()> open_validation;
   /// Number of validation samples; 0: as many as are asked for.
   int validation_frames = 0;
 };
+
+/// Samples of `seed` from `first_index` on, of each batch those of `slice`. The run's loader
+/// threads render them with the results of `renderers`.
+SampleSource RenderedSamples(std::shared_ptr<const SampleContext> context, const RunConfig& run,
+                             RendererFactory renderers, std::uint64_t seed,
+                             std::uint64_t first_index, const BatchSlice& slice = {});
 
 /// Samples that are rendered as they are drawn, or read from run.dataset and
 /// run.validation_dataset; of each batch those of `slice`. Throws ConfigError for a dataset of

@@ -52,7 +52,7 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
 }
 
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
-                          KeypointKind keypoints, SampleSource& source, int samples,
+                          KeypointKind keypoints, const SampleSource& source, int samples,
                           const at::Device& device, bool channels_last, const CountDone& count) {
   c10::NoGradGuard no_grad;
   net->eval();
@@ -65,7 +65,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
   BatchPacker packer(device);
   while (static_cast<int>(scores.size()) < samples) {
     if (count) count(static_cast<std::int64_t>(scores.size()), samples);
-    const std::vector<Sample> drawn = source.Next();
+    const std::vector<Sample> drawn = source();
     const Batch batch = Unpack(packer.Pack(drawn));
     at::Tensor input = EncodeDepth(batch.depth, net->options().input);
     if (channels_last) input = input.contiguous(at::MemoryFormat::ChannelsLast);

@@ -32,7 +32,7 @@ SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
 /// source. The first kLabelExamples become examples. Poses are those of the keypoints
 /// (FindKeypoints) of the argmax labels. `count` receives the progress in samples.
 ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Structure& structure,
-                          KeypointKind keypoints, SampleSource& source, int samples,
+                          KeypointKind keypoints, const SampleSource& source, int samples,
                           const at::Device& device, bool channels_last,
                           const CountDone& count = nullptr);
 

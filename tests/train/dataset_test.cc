@@ -81,23 +81,16 @@ TEST(TrainOnADataset, ResumesInALaterEpoch) {
                            {"000000000006.state", "other samples", config.run.dataset});
 }
 
-class DatasetSourceTest : public testing::Test {
+class DatasetSamplesTest : public testing::Test {
  protected:
-  std::unique_ptr<DatasetSource> Open(std::uint64_t first_sample, int num_threads,
-                                      std::uint64_t seed = 5) {
-    DatasetSource::Options options;
-    options.seed = seed;
-    options.first_sample = first_sample;
-    options.batch_size = 2;
-    options.num_threads = num_threads;
-    options.prefetch = 3;
-    return std::make_unique<DatasetSource>(dataset_, options);
+  SampleSource Open(std::uint64_t first_sample, int num_threads, std::uint64_t seed = 5) {
+    return DatasetSamples(dataset_, {seed, first_sample, 2, num_threads, {}, 3});
   }
 
-  static std::vector<std::uint64_t> Indices(SampleSource& source, int batches) {
+  static std::vector<std::uint64_t> Indices(const SampleSource& source, int batches) {
     std::vector<std::uint64_t> indices;
     for (int i = 0; i < batches; ++i) {
-      for (const Sample& s : source.Next()) indices.push_back(s.index);
+      for (const Sample& s : source()) indices.push_back(s.index);
     }
     return indices;
   }
@@ -112,9 +105,9 @@ class DatasetSourceTest : public testing::Test {
   std::shared_ptr<const Dataset> dataset_;
 };
 
-TEST_F(DatasetSourceTest, EpochsAreShuffledBatchesOfEverySample) {
+TEST_F(DatasetSamplesTest, EpochsAreShuffledBatchesOfEverySample) {
   EXPECT_EQ(CountBatches(*dataset_, 2), 11u);
-  const std::vector<std::uint64_t> seen = Indices(*Open(0, 3), 33);
+  const std::vector<std::uint64_t> seen = Indices(Open(0, 3), 33);
   std::set<std::vector<std::uint64_t>> orders;
   for (std::size_t epoch = 0; epoch < 3; ++epoch) {
     const std::vector<std::uint64_t> order(seen.begin() + 22 * epoch,
@@ -132,20 +125,20 @@ TEST_F(DatasetSourceTest, EpochsAreShuffledBatchesOfEverySample) {
     orders.insert(order);
   }
   EXPECT_EQ(orders.size(), 3u);
-  EXPECT_NE(seen, Indices(*Open(0, 1, /*seed=*/6), 33));
+  EXPECT_NE(seen, Indices(Open(0, 1, /*seed=*/6), 33));
   for (const std::uint64_t start : {0u, 8u, 22u, 24u, 60u}) {
     const std::vector<std::uint64_t> rest(seen.begin() + static_cast<long>(start), seen.end());
-    EXPECT_EQ(Indices(*Open(start, 2), static_cast<int>(rest.size() / 2)), rest) << start;
+    EXPECT_EQ(Indices(Open(start, 2), static_cast<int>(rest.size() / 2)), rest) << start;
   }
 }
 
-TEST_F(DatasetSourceTest, AReadersExceptionReachesTheCaller) {
+TEST_F(DatasetSamplesTest, AReadersExceptionReachesTheCaller) {
   const auto source = Open(0, 2);
   WriteFileAtomically(folder_ / "000002/00000024_depth.png", "no picture");
-  ExpectError<DataError>([&] { Indices(*source, 11); }, {"00000024_depth.png"});
+  ExpectError<DataError>([&] { Indices(source, 11); }, {"00000024_depth.png"});
 }
 
-TEST_F(DatasetSourceTest, RejectsBadBatches) {
+TEST_F(DatasetSamplesTest, RejectsBadBatches) {
   ExpectError<ConfigError>([&] { CountBatches(*dataset_, 3); },
                            {"run.batch_size = 3", folder_.path().string()});
   EXPECT_EQ(CountBatches(*dataset_, 1), 24u);

@@ -57,7 +57,7 @@ TEST(VisibleSides, CountsPixelsWithDepth) {
 
 TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   const TrainingData data = SyntheticData(4, 64, 1000);
-  const Batch batch = Collate(data.open_training(0)->Next());
+  const Batch batch = Collate(data.open_training(0)());
   at::Tensor logits = at::randn({4, 21, 64, 64}) * 0.01;
   logits.scatter_(1, batch.labels.unsqueeze(1), 30.0);
   LossConfig config;
@@ -76,7 +76,7 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
 
 TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
   const TrainingData data = SyntheticData(2, 32, 1000);
-  const Batch batch = Collate(data.open_training(0)->Next());
+  const Batch batch = Collate(data.open_training(0)());
   const at::Tensor log_probs = at::log_softmax(at::randn({2, 21, 32, 32}), 1);
   LossConfig config;
   config.lambda = 0.5;
@@ -107,7 +107,7 @@ class BackgroundTerm : public LossTerm {
 
 TEST(TrainingLoss, AddsRegisteredTerms) {
   const TrainingData data = SyntheticData(2, 32, 1000);
-  const Batch batch = Collate(data.open_training(0)->Next());
+  const Batch batch = Collate(data.open_training(0)());
   const at::Tensor log_probs = at::log_softmax(at::randn({2, 21, 32, 32}), 1).requires_grad_();
   LossConfig config;
   config.procrustes = false;

@@ -12,8 +12,6 @@
 #include <vector>
 
 #include "tests/train/tiny_net.h"
-#include "train/averaging.h"
-#include "train/schedule.h"
 
 namespace volalign::optimizer_test {
 namespace {

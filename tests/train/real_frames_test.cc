@@ -223,8 +223,8 @@ TEST_F(ACalibration, IsMixedIntoTrainingOrHeldOut) {
   const auto later = mixed.open_training(50);
   int real = 0;
   for (int batch = 0; batch < 20; ++batch) {
-    const std::vector<Sample> samples = source->Next(), others = rendered->Next();
-    const std::vector<Sample> again = batch < 10 ? samples : later->Next();
+    const std::vector<Sample> samples = source(), others = rendered();
+    const std::vector<Sample> again = batch < 10 ? samples : later();
     for (std::size_t i = 0; i < samples.size(); ++i) {
       EXPECT_EQ(samples[i].index, others[i].index);
       EXPECT_TRUE(samples[i].depth == again[i].depth);  // whatever was drawn before
@@ -240,7 +240,7 @@ TEST_F(ACalibration, IsMixedIntoTrainingOrHeldOut) {
   EXPECT_NE(mixed.identity, held.identity);
 
   EXPECT_EQ(held.validation_frames, 1);
-  const std::vector<Sample> scored = held.open_validation()->Next();
+  const std::vector<Sample> scored = held.open_validation()();
   ASSERT_EQ(scored.size(), 1u);
   EXPECT_GT(CountLabelled(scored[0].labels), 500);
 

@@ -9,7 +9,6 @@
 #include "core/base/error.h"
 #include "core/config/config.h"
 #include "tests/core/base/expect_error.h"
-#include "train/same_run.h"
 
 namespace volalign::state_test {
 namespace {

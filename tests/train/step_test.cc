@@ -24,7 +24,7 @@ namespace {
 /// A batch in parts has the gradient and the losses of the whole one.
 TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
   const TrainingData data = SyntheticData(5, 32, 1u << 20);
-  Batch batch = Collate(data.open_training(0)->Next());
+  Batch batch = Collate(data.open_training(0)());
   // Where neighbours are equal, rounding decides which of them the pooling takes the gradient to.
   batch.depth += 0.02 * at::rand(batch.depth.sizes(), at::detail::createCPUGenerator(1));
   TrainConfig config;
@@ -179,7 +179,7 @@ TEST(Learner, AnUpdateStepsTheWeightsAndTheirAverage) {
   EXPECT_LT((learner.flat.parameters() - (before - 0.25)).abs().max().item<double>(), 1e-6);
   EXPECT_EQ(learner.flat.gradients().abs().max().item<double>(), 0);
   EXPECT_EQ(learner.optimizer.steps(), 1);
-  // The decay of the first step is 2 / 11 (train/averaging.cc).
+  // The decay of the first step is 2 / 11 (train/optimizer.cc).
   EXPECT_EQ(average, start);
   EXPECT_NEAR(Average(learner)[0].item<double>(), start - 0.25 * 9 / 11, 1e-6);
 }

@@ -25,7 +25,7 @@
 namespace volalign {
 
 /// The bare structure, ray-cast without noise: sample i is a function of (seed, i modulo `period`).
-class SyntheticSource : public SampleSource {
+class SyntheticSource {
  public:
   SyntheticSource(Structure structure, std::uint64_t seed, std::uint64_t first_index,
                   int batch_size, int size, std::uint64_t period, const BatchSlice& slice)
@@ -39,7 +39,7 @@ class SyntheticSource : public SampleSource {
     if (slice_.count == 0) slice_.count = batch_size;
   }
 
-  std::vector<Sample> Next() override {
+  std::vector<Sample> operator()() {
     std::vector<Sample> batch;
     batch.reserve(static_cast<std::size_t>(slice_.count));
     for (int i = 0; i < slice_.count; ++i)
@@ -81,8 +81,8 @@ inline TrainingData SyntheticData(int batch_size, int size, std::uint64_t period
   data.structure = ReadStructure("configs/structure.yaml");
   const auto open = [structure = data.structure, batch_size, size, period, slice](
                         std::uint64_t seed, std::int64_t first) {
-    return std::make_unique<SyntheticSource>(structure, seed, static_cast<std::uint64_t>(first),
-                                             batch_size, size, period, slice);
+    return SyntheticSource(structure, seed, static_cast<std::uint64_t>(first), batch_size, size,
+                           period, slice);
   };
   data.open_training = [=](std::int64_t first_sample) { return open(1, first_sample); };
   data.open_validation = [=] { return open(1000001, 0); };
@@ -119,23 +119,14 @@ inline TrainOptions QuietRun(const std::filesystem::path& run_dir, std::int64_t 
 
 /// The source that `open` makes, of which `change` gets each batch and its number, from 1.
 template <class... Arguments>
-auto WatchedSource(std::function<std::unique_ptr<SampleSource>(Arguments...)> open,
+auto WatchedSource(std::function<SampleSource(Arguments...)> open,
                    std::function<void(std::vector<Sample>* batch, int number)> change) {
-  struct Source : SampleSource {
-    std::vector<Sample> Next() override {
-      std::vector<Sample> batch = inner->Next();
+  return [open = std::move(open), change = std::move(change)](Arguments... arguments) {
+    return [inner = open(arguments...), change, calls = 0]() mutable {
+      std::vector<Sample> batch = inner();
       change(&batch, ++calls);
       return batch;
-    }
-    std::unique_ptr<SampleSource> inner;
-    std::function<void(std::vector<Sample>*, int)> change;
-    int calls = 0;
-  };
-  return [open = std::move(open), change = std::move(change)](Arguments... arguments) {
-    auto source = std::make_unique<Source>();
-    source->inner = open(arguments...);
-    source->change = change;
-    return source;
+    };
   };
 }
 

@@ -11,7 +11,7 @@
 #include "core/config/config.h"
 #include "train/compute.h"
 #include "train/learner.h"
-#include "train/schedule.h"
+#include "train/optimizer.h"
 #include "train/step.h"
 #include "train/training_data.h"
 
@@ -43,9 +43,9 @@ inline TrainConfig ParityConfig(const std::vector<std::string>& settings) {
 }
 
 inline std::vector<std::vector<Sample>> DrawBatches(const TrainingData& data, int steps) {
-  const std::unique_ptr<SampleSource> source = data.open_training(0);
+  const SampleSource source = data.open_training(0);
   std::vector<std::vector<Sample>> batches;
-  for (int i = 0; i < steps; ++i) batches.push_back(source->Next());
+  for (int i = 0; i < steps; ++i) batches.push_back(source());
   return batches;
 }
 

@@ -26,7 +26,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   LossConfig config;
   const TrainingLoss loss(config, data.structure, at::kCPU);
   const auto source = data.open_validation();
-  const ValidationResult v = Validate(net, loss, data.structure, KeypointKind::kCentre, *source, 3,
+  const ValidationResult v = Validate(net, loss, data.structure, KeypointKind::kCentre, source, 3,
                                       at::kCPU, /*channels_last=*/false);
   EXPECT_EQ(v.samples, 4);  // whole batches
   EXPECT_EQ(v.posed, 0);
@@ -34,7 +34,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   const double log_sum = std::log(std::exp(5.0) + 20);
   const auto again = data.open_validation();
   for (int batch = 0; batch < 2; ++batch) {
-    for (const Sample& s : again->Next()) {
+    for (const Sample& s : again()) {
       std::vector<int> pixels(21, 0);
       double sum = 0;
       bool hidden_background = false;

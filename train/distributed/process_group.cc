@@ -3,23 +3,27 @@
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/empty.h>
 #include <ATen/ops/zeros.h>
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <netdb.h>
+#include <sys/socket.h>
 #include <torch/version.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <future>
+#include <memory>
 #include <thread>
 #include <utility>
 
 #include "core/base/interrupt.h"
 #include "core/base/text.h"
-#include "train/distributed/rendezvous.h"
 #ifdef VOLALIGN_HAS_GLOO
 #include <torch/csrc/distributed/c10d/FileStore.hpp>
 #include <torch/csrc/distributed/c10d/PrefixStore.hpp>
@@ -31,6 +35,35 @@
 #endif
 
 namespace volalign {
+
+std::string AddressTowards(const World& world) {
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_DGRAM;
+  addrinfo* found = nullptr;
+  const int failed =
+      ::getaddrinfo(world.address.c_str(), std::to_string(world.port).c_str(), &hints, &found);
+  if (failed != 0) {
+    throw IoError(fmt::format("MASTER_ADDR = '{}' has no address: {}", world.address,
+                              ::gai_strerror(failed)));
+  }
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> addresses(found, ::freeaddrinfo);
+  std::string why;
+  for (const addrinfo* a = found; a != nullptr; a = a->ai_next) {
+    const int socket = ::socket(a->ai_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    sockaddr_storage own{};
+    socklen_t size = sizeof(own);
+    std::array<char, NI_MAXHOST> text{};
+    // Nothing is sent: connecting a datagram socket only chooses the way.
+    const bool leads = socket >= 0 && ::connect(socket, a->ai_addr, a->ai_addrlen) == 0 &&
+                       ::getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size) == 0 &&
+                       ::getnameinfo(reinterpret_cast<sockaddr*>(&own), size, text.data(),
+                                     text.size(), nullptr, 0, NI_NUMERICHOST) == 0;
+    if (!leads) why = std::strerror(errno);
+    if (socket >= 0) ::close(socket);
+    if (leads) return text.data();
+  }
+  throw IoError(fmt::format("no way leads to MASTER_ADDR = '{}': {}", world.address, why));
+}
 
 #ifdef VOLALIGN_HAS_GLOO
 

@@ -3,18 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace volalign {
-
-namespace {
-
-std::array<double*, 5> Numbers(StepTimes* t) {
-  return {&t->data, &t->forward, &t->loss, &t->backward, &t->optim};
-}
-
-}  // namespace
 
 std::string MedianPoseError(const ValidationResult& result) {
   if (result.posed == 0) return "-";
@@ -56,9 +47,7 @@ void StepMeans::Add(const StepReport& more, std::int64_t more_samples) {
   sum.loss += more.loss;
   for (const auto& [name, value] : more.terms) sum.terms[name] += value;
   sum.gradient_norm += more.gradient_norm;
-  StepTimes times = more.times;
-  const auto sums = Numbers(&sum.times), numbers = Numbers(&times);
-  for (std::size_t i = 0; i < sums.size(); ++i) *sums[i] += *numbers[i];
+  for (const auto& [name, part] : kStepParts) sum.times.*part += more.times.*part;
 }
 
 TrainRow StepMeans::Take(std::int64_t step, std::int64_t samples_so_far, double lr) {
@@ -69,7 +58,7 @@ TrainRow StepMeans::Take(std::int64_t step, std::int64_t samples_so_far, double 
   row.mean.loss /= finite;
   for (auto& [name, value] : row.mean.terms) value /= finite;
   row.mean.gradient_norm /= finite;
-  for (double* value : Numbers(&t)) *value /= static_cast<double>(sum.steps);
+  for (const auto& [name, part] : kStepParts) t.*part /= static_cast<double>(sum.steps);
   *this = StepMeans();
   return row;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <string>
@@ -14,6 +15,13 @@ namespace volalign {
 struct StepTimes {
   double data = 0, forward = 0, loss = 0, backward = 0, optim = 0;
 };
+
+inline constexpr std::array<std::pair<const char*, double StepTimes::*>, 5> kStepParts = {
+    {{"data", &StepTimes::data},
+     {"forward", &StepTimes::forward},
+     {"loss", &StepTimes::loss},
+     {"backward", &StepTimes::backward},
+     {"optim", &StepTimes::optim}}};
 
 double Total(const StepTimes& times);
 

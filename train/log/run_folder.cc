@@ -27,15 +27,6 @@ std::int64_t SamplesOf(const std::filesystem::path& path) {
   return path.extension() == kStateSuffix ? samples : -1;
 }
 
-std::vector<std::filesystem::path> FilesIn(const std::filesystem::path& dir) {
-  std::vector<std::filesystem::path> files;
-  std::error_code missing;
-  for (const auto& entry : std::filesystem::directory_iterator(dir, missing)) {
-    files.push_back(entry.path());
-  }
-  return files;
-}
-
 }  // namespace
 
 RunFolder::RunFolder(std::filesystem::path dir) : dir_(std::move(dir)), lock_(dir_, kLockPatience) {
@@ -48,8 +39,9 @@ std::filesystem::path RunFolder::State(std::int64_t samples) const {
 
 std::vector<std::int64_t> RunFolder::States() const {
   std::vector<std::int64_t> states;
-  for (const std::filesystem::path& file : FilesIn(dir_ / "states")) {
-    const std::int64_t samples = SamplesOf(file);
+  std::error_code missing;
+  for (const auto& entry : std::filesystem::directory_iterator(dir_ / "states", missing)) {
+    const std::int64_t samples = SamplesOf(entry.path());
     if (samples >= 0) states.push_back(samples);
   }
   std::sort(states.begin(), states.end(), std::greater<>());
@@ -69,15 +61,7 @@ void RunFolder::BeginAfter(std::int64_t samples) const {
   for (const std::int64_t state : States()) {
     if (state > samples) std::filesystem::remove(State(state), ignored);
   }
-  RemoveTemporaries(dir_ / "states");
-  for (const std::filesystem::path& file : FilesIn(dir_)) {
-    const std::string name = file.filename().string();
-    for (const char* own : {"command", "config.yaml", "metrics.jsonl", "model.safetensors",
-                            "best.safetensors", "structure.", "intrinsics.yaml"}) {
-      if (name.rfind(own, 0) == 0 && name.find(".tmp-") != std::string::npos)
-        std::filesystem::remove(file, ignored);
-    }
-  }
+  for (const std::filesystem::path& folder : {dir_, dir_ / "states"}) RemoveTemporaries(folder);
 }
 
 }  // namespace volalign

@@ -18,7 +18,7 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "train/distributed/launch.h"
-#include "train/distributed/rendezvous.h"
+#include "train/distributed/process_group.h"
 
 namespace volalign::world_test {
 namespace {

@@ -15,7 +15,6 @@
 #include "tests/core/base/temp_folder.h"
 #include "train/log/event_file.h"
 #include "train/log/metrics.h"
-#include "train/log/tensorboard_sink.h"
 
 namespace volalign::sinks_test {
 namespace {
