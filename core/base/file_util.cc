@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <openssl/evp.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,13 +11,14 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
+#include <optional>
 #include <system_error>
+#include <utility>
 
 #include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/base/interrupt.h"
 #include "core/base/shown_path.h"
-#include "core/base/temporary_file.h"
 
 namespace volalign {
 
@@ -30,12 +30,14 @@ std::atomic<std::uint64_t> next_temporary{0};
 class FileHandle {
  public:
   explicit FileHandle(int file) : file_(file) {}
-  ~FileHandle() {
-    if (file_ >= 0) ::close(file_);
-  }
+  ~FileHandle() { Close(); }
   FileHandle(const FileHandle&) = delete;
   FileHandle& operator=(const FileHandle&) = delete;
   int get() const { return file_; }
+  int Close() {
+    const int file = std::exchange(file_, -1);
+    return file < 0 ? 0 : ::close(file);
+  }
 
  private:
   int file_;
@@ -100,43 +102,30 @@ void RequirePlace(const std::filesystem::path& path) {
 void WriteFileAtomically(const std::filesystem::path& path, std::string_view bytes, bool sync) {
   RequirePlace(path);
   MakeFolder(path.parent_path());
-  if (sync) RemoveAbandoned(path);
-  const std::string shown = ShownPath(path);
-  int file = -1;
+  const auto fail = [shown = ShownPath(path)](const char* what, int reason) {
+    throw IoError(fmt::format("cannot {} {}: {}", what, shown, std::strerror(reason)));
+  };
+  std::optional<FileHandle> file;
   // Two writers never share a file. A name is passed over if a killed writer left it, or one with
   // the same process number on another machine.
   Unfinished temporary([&] {
     std::filesystem::path name;
     do {
       name = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);
-      file = ::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    } while (file < 0 && errno == EEXIST);
-    if (file < 0) {
-      throw IoError(fmt::format("cannot create {}: {}", shown, std::strerror(errno)));
-    }
-    ::flock(file, LOCK_EX | LOCK_NB);  // see RemoveAbandoned
+      file.emplace(::open(name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
+    } while (file->get() < 0 && errno == EEXIST);
+    if (file->get() < 0) fail("create", errno);
     return name;
   });
-  const auto fail = [&](const char* what, int reason) {
-    throw IoError(fmt::format("cannot {} {}: {}", what, shown, std::strerror(reason)));
-  };
   std::size_t written = 0;
   while (written < bytes.size()) {
-    const ssize_t n = ::write(file, bytes.data() + written, bytes.size() - written);
+    const ssize_t n = ::write(file->get(), bytes.data() + written, bytes.size() - written);
     if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) {
-      const int reason = n < 0 ? errno : EIO;
-      ::close(file);
-      fail("write", reason);
-    }
+    if (n <= 0) fail("write", n < 0 ? errno : EIO);
     written += static_cast<std::size_t>(n);
   }
-  if (sync && ::fsync(file) != 0 && errno != EINVAL && errno != EROFS) {
-    const int reason = errno;
-    ::close(file);
-    fail("sync", reason);
-  }
-  if (::close(file) != 0) fail("close", errno);
+  if (sync && ::fsync(file->get()) != 0 && errno != EINVAL && errno != EROFS) fail("sync", errno);
+  if (file->Close() != 0) fail("close", errno);
   std::error_code error;
   std::filesystem::rename(temporary.path(), path, error);
   if (error) fail("rename", error.value());

@@ -16,7 +16,6 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/shown_path.h"
-#include "core/base/temporary_file.h"
 
 namespace volalign {
 namespace {
@@ -174,8 +173,13 @@ void FolderLock::Sync() const {
 void RemoveTemporaries(const fs::path& folder) {
   std::error_code ignored;
   std::vector<fs::path> found;
+  const std::string mark = ".tmp-";
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
-    if (ReadTemporary(entry.path().filename().string())) found.push_back(entry.path());
+    const std::string name = entry.path().filename().string();
+    const std::size_t at = name.rfind(mark);
+    if (at != std::string::npos &&
+        name.find_first_not_of("0123456789-", at + mark.size()) == std::string::npos)
+      found.push_back(entry.path());
   }
   for (const fs::path& path : found) fs::remove(path, ignored);
 }

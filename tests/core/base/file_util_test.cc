@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <stdlib.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -179,28 +178,6 @@ TEST(FileUtil, WritersOfOneFileDoNotShareATemporary) {
   EXPECT_EQ(Listing(folder.path()), std::set<std::string>{"a.txt"});
 }
 
-TEST(FileUtil, WhatKilledWritersLeftOfAFileGoesWithTheNextWrite) {
-  const TempFolder folder;
-  const pid_t gone = ::fork();
-  if (gone == 0) ::_exit(0);
-  ::waitpid(gone, nullptr, 0);
-  const std::string dead = ".tmp-" + std::to_string(gone);
-  const std::string own = "a.txt.tmp-" + std::to_string(::getpid()) + "-999999";
-  for (const std::string& name : {"a.txt" + dead + "-0", "a.txt" + dead, "a.txt" + dead + "-7",
-                                  "b.txt" + dead + "-0", own, std::string("a.txt.tmp-x")}) {
-    folder.Write(name, "x");
-  }
-  const int locked = ::open((folder / ("a.txt" + dead + "-7")).c_str(), O_RDONLY);
-  ASSERT_EQ(::flock(locked, LOCK_EX | LOCK_NB), 0);
-  WriteFileAtomically(folder / "a.txt", "y");
-  EXPECT_EQ(Listing(folder.path()),
-            (std::set<std::string>{"a.txt", "a.txt" + dead + "-7", "b.txt" + dead + "-0", own,
-                                   "a.txt.tmp-x"}))
-      << "not a writer's that lives, here or elsewhere, nor another file's";
-  ::close(locked);
-}
-
-// FIPS 180-2, appendix B, and the empty message.
 TEST(Sha256, KnownAnswers) {
   EXPECT_EQ(Sha256("abc"), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
   EXPECT_EQ(Sha256(""), "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
