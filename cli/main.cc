@@ -16,7 +16,6 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/base/interrupt.h"
-#include "core/base/sentence.h"
 #include "core/base/text.h"
 #include "render/egl/egl_context.h"
 

@@ -394,16 +394,12 @@ std::string DatasetHeader::Identity() const {
 std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
                                          const SampleContext& context) {
   std::vector<std::string> differences;
-  const ConfigSource before = ConfigSource::FromString(
-      WriteConfig(ReadConfig<SampleConfig>(ConfigSource::FromString(header.data_yaml, "dataset"))),
-      "dataset");
-  const ConfigSource now = ConfigSource::FromString(WriteConfig(context.config), "now");
+  const std::string before =
+      WriteConfig(ReadConfig<SampleConfig>(ConfigSource::FromString(header.data_yaml, "dataset")));
   const std::set<std::string> not_compared = {"structure", "intrinsics", "renderer"};
-  for (const auto& [key, leaf] : now.leaves()) {
-    const std::vector<std::string>& values = before.leaves().at(key).values;
-    if (not_compared.count(key) > 0 || values == leaf.values) continue;
-    differences.push_back(fmt::format("data.{} = {} (dataset: {})", key,
-                                      fmt::join(leaf.values, ", "), fmt::join(values, ", ")));
+  for (const auto& [key, was, is] : FindDifferences(before, WriteConfig(context.config))) {
+    if (not_compared.count(key) == 0)
+      differences.push_back(fmt::format("data.{} = {} (dataset: {})", key, is, was));
   }
   if (context.structure.Hash() != header.structure_hash) {
     differences.push_back(fmt::format("data.structure = {} has other boxes or labels (dataset: {})",

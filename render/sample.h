@@ -14,6 +14,7 @@
 namespace volalign {
 
 class DepthRenderer;
+class RandomStream;
 
 /// One training sample. All images have the intrinsics' size.
 struct Sample {
@@ -49,6 +50,12 @@ std::vector<IntrinsicsPoolEntry> EntriesOf(const std::vector<std::string>& senso
 /// image size of its own. Throws IoError or DataError.
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
                                 const Structure* structure = nullptr);
+
+/// Draws structure_from_sensor as the paper does (Results, "Implementation details"). The position
+/// is (rho cos phi, y, rho sin phi), with phi uniform or around one of config.phi_deg. The look-at
+/// point is uniform in a ball about the origin. The sensor is levelled, then turned by a roll and a
+/// mounting offset. Throws Error if config.roll_offsets_deg is empty.
+Pose SamplePose(const PoseConfig& config, RandomStream& random);
 
 /// A pure function of its arguments: the same bytes after any earlier draws and on any thread. An
 /// OpenGL renderer needs its context current on the calling thread.

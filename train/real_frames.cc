@@ -15,7 +15,7 @@
 #include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "core/formats/image_io.h"
-#include "core/geometry/image_size.h"
+#include "core/geometry/camera.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
 #include "core/json/strict_json.h"

@@ -56,19 +56,4 @@ TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name) {
   return ReadConfig<TrainConfig>(ConfigSource::FromString(yaml, name));
 }
 
-std::vector<ConfigDifference> FindDifferences(const std::string& before, const std::string& now) {
-  const ConfigSource old = ConfigSource::FromString(before, "before");
-  const ConfigSource current = ConfigSource::FromString(now, "now");
-  std::vector<ConfigDifference> differences;
-  for (const auto& [key, leaf] : current.leaves()) {
-    const auto found = old.leaves().find(key);
-    const bool known = found != old.leaves().end();
-    if (known && found->second.values == leaf.values) continue;
-    differences.push_back(
-        {key, known ? fmt::format("{}", fmt::join(found->second.values, ", ")) : "nothing",
-         fmt::format("{}", fmt::join(leaf.values, ", "))});
-  }
-  return differences;
-}
-
 }  // namespace volalign

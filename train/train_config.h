@@ -8,7 +8,6 @@
 
 #include "core/config/config.h"
 #include "core/geometry/structure.h"
-#include "core/model/network_limits.h"
 #include "core/model/network_options.h"
 #include "train/training_data_config.h"
 
@@ -244,13 +243,5 @@ TrainConfig ReadTrainConfig(const ConfigSource& source);
 /// The same for the output of WriteConfig of this or an earlier version, without Validate. `name`
 /// is its place, for messages.
 TrainConfig ReadSavedConfig(const std::string& yaml, const std::string& name);
-
-/// A key with other values in two configurations; a list's are joined by ", ".
-struct ConfigDifference {
-  std::string key, before, now;
-};
-/// Compares two outputs of WriteConfig, in the order of the keys of `now`. A key that `before`
-/// lacks has "nothing".
-std::vector<ConfigDifference> FindDifferences(const std::string& before, const std::string& now);
 
 }  // namespace volalign

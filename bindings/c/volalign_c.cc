@@ -16,7 +16,6 @@
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "core/base/provenance.h"
-#include "core/base/sentence.h"
 #include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/geometry/structure.h"

@@ -7,7 +7,7 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/base/provenance.h"
-#include "core/base/sentence.h"
+#include "core/base/text.h"
 
 namespace volalign::python {
 

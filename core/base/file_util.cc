@@ -18,7 +18,7 @@
 #include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/base/interrupt.h"
-#include "core/base/shown_path.h"
+#include "core/base/text.h"
 
 namespace volalign {
 

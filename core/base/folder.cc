@@ -15,7 +15,7 @@
 
 #include "core/base/error.h"
 #include "core/base/file_util.h"
-#include "core/base/shown_path.h"
+#include "core/base/text.h"
 
 namespace volalign {
 namespace {

@@ -7,7 +7,7 @@
 #include <system_error>
 
 #include "core/base/error.h"
-#include "core/base/shown_path.h"
+#include "core/base/text.h"
 
 namespace volalign {
 

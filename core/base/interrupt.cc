@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/sentence.h"
-#include "core/base/start_threads.h"
+#include "core/base/parallel_for.h"
+#include "core/base/text.h"
 
 namespace volalign {
 namespace {

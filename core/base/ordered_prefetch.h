@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/start_threads.h"
+#include "core/base/parallel_for.h"
 
 namespace volalign {
 

@@ -4,10 +4,8 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
-#include <thread>
-#include <vector>
+#include <system_error>
 
-#include "core/base/start_threads.h"
 #include "core/base/stop.h"
 
 namespace volalign {
@@ -35,6 +33,19 @@ void ParallelFor(std::size_t count, int threads, const std::function<void(std::s
   work();
   for (std::thread& helper : helpers) helper.join();
   if (failure) std::rethrow_exception(failure);
+}
+
+std::size_t StartThreads(std::size_t count, const std::function<void()>& work,
+                         std::vector<std::thread>* threads) {
+  threads->reserve(threads->size() + count);
+  for (std::size_t i = 0; i < count; ++i) {
+    try {
+      threads->emplace_back(work);
+    } catch (const std::system_error&) {
+      return i;
+    }
+  }
+  return count;
 }
 
 }  // namespace volalign

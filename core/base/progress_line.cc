@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/start_threads.h"
+#include "core/base/parallel_for.h"
 #include "core/base/text.h"
 
 namespace volalign {

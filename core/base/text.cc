@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <cstdlib>
 #include <iterator>
+#include <new>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "core/base/error.h"
@@ -161,6 +163,20 @@ void RequireUtf8(const std::string& text, const std::string& what) {
 std::string Shortened(const std::string& text, std::size_t most) {
   if (text.size() <= most) return Printable(text);
   return Printable(text.substr(0, LetterBegin(text, most))) + "...";
+}
+
+std::string ShownPath(const std::filesystem::path& path) { return Shortened(path.string(), 500); }
+
+std::string SentenceOf(const std::exception& error) {
+  if (dynamic_cast<const std::bad_alloc*>(&error)) return "there is not enough memory for this";
+  if (const auto* of_file = dynamic_cast<const std::filesystem::filesystem_error*>(&error))
+    return fmt::format("{}: {}", ShownPath(of_file->path1()), of_file->code().message());
+  const auto* const of_system = dynamic_cast<const std::system_error*>(&error);
+  if (of_system && of_system->code() == std::errc::resource_unavailable_try_again) {
+    return "the system gives no more threads or processes (ulimit -u); end some of them, or ask "
+           "for fewer threads";
+  }
+  return MessageLine(FirstLine(error.what()));
 }
 
 std::string MessageLine(const std::string& text) {

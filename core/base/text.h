@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <exception>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -36,6 +38,14 @@ void RequireUtf8(const std::string& text, const std::string& what);
 
 /// A quotation from a file for a message: Printable, and at most about `most` bytes.
 std::string Shortened(const std::string& text, std::size_t most = 200);
+
+/// A path for a message: Shortened. Linux has no path of more than 4,096 bytes, and hardly anybody
+/// one of more than 500.
+std::string ShownPath(const std::filesystem::path& path);
+
+/// A sentence for an exception of the system or a library: one line, as a MessageLine, with the
+/// file or the limit if there is one.
+std::string SentenceOf(const std::exception& error);
 
 /// The message of every Error: Printable, one line, at most about 1,500 bytes. A longer one loses
 /// its middle, as its end often says what to do.

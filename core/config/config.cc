@@ -495,6 +495,21 @@ std::string NearestKey(const std::string& key, const std::vector<std::string>& k
   return best;
 }
 
+std::vector<ConfigDifference> FindDifferences(const std::string& before, const std::string& now) {
+  const ConfigSource old = ConfigSource::FromString(before, "before");
+  const ConfigSource current = ConfigSource::FromString(now, "now");
+  std::vector<ConfigDifference> differences;
+  for (const auto& [key, leaf] : current.leaves()) {
+    const auto found = old.leaves().find(key);
+    const bool known = found != old.leaves().end();
+    if (known && found->second.values == leaf.values) continue;
+    differences.push_back(
+        {key, known ? fmt::format("{}", fmt::join(found->second.values, ", ")) : "nothing",
+         fmt::format("{}", fmt::join(leaf.values, ", "))});
+  }
+  return differences;
+}
+
 std::string ConfigWriter::Word(const std::string& word) const {
   if (form_ == Form::kMarkdown) return word;
   YAML::Emitter emitter;

@@ -322,6 +322,14 @@ std::string DocumentConfig(T config = T()) {
   return writer.text();
 }
 
+/// A key with other values in two configurations; a list's are joined by ", ".
+struct ConfigDifference {
+  std::string key, before, now;
+};
+/// Compares two outputs of WriteConfig, in the order of the keys of `now`. A key that `before`
+/// lacks has "nothing".
+std::vector<ConfigDifference> FindDifferences(const std::string& before, const std::string& now);
+
 /// Checks a struct that was filled in code. Throws ConfigError as reading does.
 template <class T>
 void ValidateConfig(T config) {

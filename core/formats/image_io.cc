@@ -11,6 +11,7 @@
 #include <cstring>
 #include <string>
 #include <type_traits>
+#include <unordered_map>
 #include <vector>
 
 #include "core/base/error.h"
@@ -237,20 +238,47 @@ Image16 DecodePgm(const std::string& bytes, const std::string& name) {
   return image;
 }
 
-/// Decodes a PNG with these bits and channels, which `kind` has. Throws DataError for others.
+/// Decodes a PNG with these bits and one channel, which `kind` has. Throws DataError for others.
 template <class Pixel>
-Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const char* kind, int bits,
-                      int channels) {
+Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const char* kind) {
+  constexpr int kBits = 8 * sizeof(Pixel);
   const Pixels pixels = DecodePng(bytes, name);
-  if (pixels.bit_depth != bits || pixels.channels != channels) {
-    throw DataError(fmt::format(
-        "{}: {} has {} bits and {} channel{}; this one has {} bits and {} channels{}", name, kind,
-        bits, channels, channels == 1 ? "" : "s", pixels.bit_depth, pixels.channels,
-        channels == 1 && pixels.channels >= 3 ? "; is it the colour picture?" : ""));
+  if (pixels.bit_depth != kBits || pixels.channels != 1) {
+    throw DataError(
+        fmt::format("{}: {} has {} bits and 1 channel; this one has {} bits and {} channels{}",
+                    name, kind, kBits, pixels.bit_depth, pixels.channels,
+                    pixels.channels >= 3 ? "; is it the colour picture?" : ""));
   }
   Image<Pixel> image(pixels.width, pixels.height);
-  std::memcpy(static_cast<void*>(image.data()), pixels.bytes.data(), pixels.bytes.size());
+  std::memcpy(image.data(), pixels.bytes.data(), pixels.bytes.size());
   return image;
+}
+
+constexpr std::size_t kMostColours = 256;
+
+struct Indexed {
+  std::vector<std::uint8_t> indices;
+  std::vector<Rgb> palette;
+};
+
+/// False if the picture has too many colours.
+bool ToIndices(const RgbImage& picture, Indexed* indexed) {
+  std::unordered_map<std::uint32_t, std::uint8_t> known;
+  indexed->indices.reserve(picture.size());
+  for (const Rgb& colour : picture) {
+    const std::uint32_t key = colour.r << 16 | colour.g << 8 | colour.b;
+    const auto found = known.find(key);
+    if (found != known.end()) {
+      indexed->indices.push_back(found->second);
+      continue;
+    }
+    if (known.size() == kMostColours) return false;
+    const auto index = static_cast<std::uint8_t>(known.size());
+    known.emplace(key, index);
+    indexed->palette.push_back(colour);
+    indexed->indices.push_back(index);
+  }
+  return true;
 }
 
 }  // namespace
@@ -267,16 +295,12 @@ Image16 DecodeDepth(const std::string& bytes, const std::string& name) {
     throw DataError(fmt::format(
         "{}: neither a PNG nor a PGM (P2, P5) image; depth is expected as one of these", name));
   }
-  return PixelsOf<std::uint16_t>(bytes, name, "a depth PNG", 16, 1);
+  return PixelsOf<std::uint16_t>(bytes, name, "a depth PNG");
 }
 
 LabelImage ReadPng8(const std::filesystem::path& path) {
   const std::string bytes = ReadFile(path, kMaxImageBytes);
-  return PixelsOf<std::uint8_t>(bytes, path.string(), "a label PNG", 8, 1);
-}
-
-RgbImage ReadPngRgb(const std::filesystem::path& path) {
-  return PixelsOf<Rgb>(ReadFile(path, kMaxImageBytes), path.string(), "an RGB PNG", 8, 3);
+  return PixelsOf<std::uint8_t>(bytes, path.string(), "a label PNG");
 }
 
 template <class Pixel>
@@ -291,6 +315,30 @@ void WritePng(const std::filesystem::path& path, const Image<Pixel>& image) {
   if (image.empty())
     throw Error(fmt::format("{}: an empty image cannot be written", path.string()));
   WriteFileAtomically(path, EncodePng(image));
+}
+
+std::string EncodePalettePng(const RgbImage& picture) {
+  if (picture.empty()) throw Error("an empty image cannot be written as PNG");
+  static_assert(sizeof(Rgb) == 3, "pixels and palettes are handed to libpng as they are");
+  Indexed indexed;
+  const bool few = ToIndices(picture, &indexed);
+  png_image image;
+  std::memset(&image, 0, sizeof(image));
+  image.version = PNG_IMAGE_VERSION;
+  image.width = static_cast<png_uint_32>(picture.width());
+  image.height = static_cast<png_uint_32>(picture.height());
+  // Without filters: they do nothing for pictures of few colours and cost a third of the time.
+  image.flags = PNG_IMAGE_FLAG_FAST;
+  image.format = few ? PNG_FORMAT_RGB_COLORMAP : PNG_FORMAT_RGB;
+  image.colormap_entries = static_cast<png_uint_32>(indexed.palette.size());
+  const void* pixels = few ? static_cast<const void*>(indexed.indices.data()) : picture.data();
+  const void* palette = few ? indexed.palette.data() : nullptr;
+  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
+  std::string bytes(size, '\0');
+  if (!png_image_write_to_memory(&image, bytes.data(), &size, 0, pixels, 0, palette))
+    throw Error(fmt::format("PNG encoding failed: {}", image.message));
+  bytes.resize(size);
+  return bytes;
 }
 
 template std::string EncodePng(const Image16&, PngEffort);

@@ -18,9 +18,6 @@ Image16 DecodeDepth(const std::string& bytes, const std::string& name);
 /// Reads an 8-bit grey PNG (label maps). Throws IoError or DataError.
 LabelImage ReadPng8(const std::filesystem::path& path);
 
-/// Reads an 8-bit RGB PNG. Throws IoError or DataError.
-RgbImage ReadPngRgb(const std::filesystem::path& path);
-
 /// Smallest size, or encoding some ten times faster for a tenth more bytes (data sets).
 enum class PngEffort { kSmall, kFast };
 /// Encodes an Image16, LabelImage or RgbImage in memory.
@@ -30,6 +27,10 @@ std::string EncodePng(const Image<Pixel>& image, PngEffort effort = PngEffort::k
 /// Encodes in memory and replaces `path` atomically (see WriteFileAtomically).
 template <class Pixel>
 void WritePng(const std::filesystem::path& path, const Image<Pixel>& image);
+
+/// A PNG with a palette, a third of the size of one without. A picture with over 256 colours has no
+/// palette. Throws Error for an empty picture.
+std::string EncodePalettePng(const RgbImage& picture);
 
 /// Metres = raw * depth_scale.
 DepthImage ToMetres(const Image16& raw, double depth_scale);

@@ -2,15 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
 #include "core/config/config.h"
-#include "core/geometry/typical_intrinsics.h"
+#include "core/geometry/shipped_intrinsics.h"
 
 namespace volalign {
 
@@ -90,12 +92,7 @@ struct PoolEntry {
   }
 };
 
-}  // namespace
-
-std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
-  return ParseIntrinsicsPool(ReadFile(FindInputFile(path), kMaxTextBytes), path);
-}
-
+/// Reads text like that of `configs/intrinsics.yaml`; `path` begins messages.
 std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& text,
                                                      const std::string& path) {
   std::vector<IntrinsicsPoolEntry> pool;
@@ -121,6 +118,80 @@ std::vector<IntrinsicsPoolEntry> ParseIntrinsicsPool(const std::string& text,
   }
   if (pool.empty()) throw ConfigError(path + ": no sensors in the intrinsics pool");
   return pool;
+}
+
+const std::vector<IntrinsicsPoolEntry>& Pool() {
+  static const std::vector<IntrinsicsPoolEntry> pool =
+      ParseIntrinsicsPool(shipped::kIntrinsics, "configs/intrinsics.yaml");
+  return pool;
+}
+
+Intrinsics Mean(const IntrinsicsPoolEntry& entry) {
+  const Intrinsics& first = entry.intrinsics.front();
+  Intrinsics mean{first.width, first.height, 0, 0, 0, 0, {}};
+  for (const Intrinsics& device : entry.intrinsics) {
+    const double share = 1.0 / static_cast<double>(entry.intrinsics.size());
+    mean.fx += share * device.fx;
+    mean.fy += share * device.fy;
+    mean.cx += share * device.cx;
+    mean.cy += share * device.cy;
+  }
+  return mean;
+}
+
+/// More than the difference of devices of a kind, as a share.
+constexpr double kOther = 0.05;
+
+bool IsNear(double a, double b) { return std::abs(std::log(a / b)) < kOther; }
+
+}  // namespace
+
+std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path) {
+  return ParseIntrinsicsPool(ReadFile(FindInputFile(path), kMaxTextBytes), path);
+}
+
+std::optional<Intrinsics> TypicalIntrinsics(const std::string& sensor, int width, int height) {
+  for (const IntrinsicsPoolEntry& entry : Pool()) {
+    const Intrinsics& first = entry.intrinsics.front();
+    if (entry.sensor == sensor && first.width * height == first.height * width)
+      return Mean(entry).Resized(width, height);
+  }
+  return std::nullopt;
+}
+
+std::optional<Intrinsics> OfAnotherSize(const std::string& sensor, const Intrinsics& given) {
+  std::optional<Intrinsics> other;
+  for (const IntrinsicsPoolEntry& entry : Pool()) {
+    if (entry.sensor != sensor) continue;
+    const Intrinsics mean = Mean(entry);
+    const double scale = given.fx / mean.fx;
+    const Intrinsics full = mean.Resized(std::max(1, static_cast<int>(scale * mean.width + 0.5)),
+                                         std::max(1, static_cast<int>(scale * mean.height + 0.5)));
+    if (IsNear(full.width, given.width) && IsNear(full.height, given.height)) return std::nullopt;
+    if (IsNear(full.fy, given.fy) && std::abs(full.cx - given.cx) < kOther * given.fx &&
+        std::abs(full.cy - given.cy) < kOther * given.fy)
+      other = full;
+  }
+  return other;
+}
+
+ImageSize ParseImageSize(const std::string& text) {
+  ImageSize size;
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%4dx%4d%n", &size.width, &size.height, &used) != 2 ||
+      used != static_cast<int>(text.size()) || size.width < 16 || size.height < 16 ||
+      size.width > 4096 || size.height > 4096) {
+    throw ConfigError(fmt::format(
+        "image size \"{}\" is not WIDTHxHEIGHT with 16 <= size <= 4096, such as 160x144", text));
+  }
+  return size;
+}
+
+bool SameAspect(const Intrinsics& intrinsics, ImageSize size) {
+  constexpr double kTolerance = 0.02;
+  const double pool = static_cast<double>(intrinsics.width) / intrinsics.height;
+  const double image = static_cast<double>(size.width) / size.height;
+  return std::abs(pool / image - 1) <= kTolerance;
 }
 
 }  // namespace volalign

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -54,5 +55,32 @@ struct IntrinsicsPoolEntry {
 /// Reads the YAML of `configs/intrinsics.yaml`. Throws IoError, or ConfigError (also for unknown
 /// keys).
 std::vector<IntrinsicsPoolEntry> ReadIntrinsicsPool(const std::string& path);
+
+/// The mean intrinsics of the devices of this kind (SensorFrame::sensor) in the pool that the
+/// program contains. They are scaled to this resolution, px, without distortion. Nothing for an
+/// unknown name, or if the pool has no resolution of this aspect ratio.
+std::optional<Intrinsics> TypicalIntrinsics(const std::string& sensor, int width, int height);
+
+/// Intrinsics of the kind's frames of another size, if `given` seems to be for these, by its focal
+/// length and its principal point. Nothing if the kind has frames of the size of `given`.
+std::optional<Intrinsics> OfAnotherSize(const std::string& sensor, const Intrinsics& given);
+
+struct ImageSize {
+  int width = 0;
+  int height = 0;
+};
+
+/// Parses WIDTHxHEIGHT, 16 to 4096 px each. Throws ConfigError.
+ImageSize ParseImageSize(const std::string& text);
+
+/// May intrinsics be scaled to an image of this size? Aspect ratios have to agree within 2 %.
+bool SameAspect(const Intrinsics& intrinsics, ImageSize size);
+
+/// The colour camera beside a depth camera, by the device's calibration.
+struct ColourCamera {
+  /// p_colour = T p_depth, metres; both frames x right, y down, z forward.
+  Pose colour_from_depth = Pose::Identity();
+  std::optional<Intrinsics> intrinsics;  ///< of the colour pictures, if known
+};
 
 }  // namespace volalign

@@ -1,4 +1,4 @@
-#include "core/geometry/facets.h"
+#include "core/geometry/part_mesh.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -22,7 +22,6 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/number.h"
-#include "core/base/shown_path.h"
 #include "core/base/text.h"
 
 namespace volalign {

@@ -13,7 +13,6 @@
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/geometry/facets.h"
 
 namespace volalign {
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/error.h"
+#include "core/base/random.h"
 
 namespace volalign {
 
@@ -119,6 +120,15 @@ Pose PoseFromRows(const std::vector<std::vector<double>>& rows, const std::strin
   pose.linear() = rotation;
   pose.translation() = m.topRightCorner<3, 1>();
   return pose;
+}
+
+Eigen::Vector3d PointInBall(double radius, RandomStream& random) {
+  const double cos_polar = random.Uniform(-1, 1);
+  const double azimuth = random.Uniform(0, 2 * M_PI);
+  const double distance = radius * std::cbrt(random.Uniform());
+  const double sin_polar = std::sqrt(1 - cos_polar * cos_polar);
+  return distance *
+         Eigen::Vector3d(sin_polar * std::cos(azimuth), cos_polar, sin_polar * std::sin(azimuth));
 }
 
 }  // namespace volalign

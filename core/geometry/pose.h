@@ -7,6 +7,8 @@
 
 namespace volalign {
 
+class RandomStream;
+
 /// A rigid transform, always named target_from_source: p_target = pose * p_source.
 using Pose = Eigen::Isometry3d;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
@@ -54,5 +56,8 @@ int UprightTurns(const Pose& structure_from_sensor);
 /// its message, unless the matrix is a finite rigid transform with determinant +1 (tolerance 1e-3).
 std::vector<std::vector<double>> ToRows(const Pose& pose);
 Pose PoseFromRows(const std::vector<std::vector<double>>& rows, const std::string& what);
+
+/// Uniform in the ball of this radius about the origin, in the radius' unit.
+Eigen::Vector3d PointInBall(double radius, RandomStream& random);
 
 }  // namespace volalign

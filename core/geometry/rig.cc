@@ -13,8 +13,8 @@
 
 #include "core/base/error.h"
 #include "core/base/text.h"
-#include "core/geometry/image_size.h"
-#include "core/geometry/point_in_ball.h"
+#include "core/geometry/camera.h"
+#include "core/geometry/pose.h"
 
 namespace volalign {
 namespace {

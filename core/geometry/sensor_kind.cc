@@ -18,7 +18,6 @@ constexpr char kUnknown[] = "unknown";
 /// An entry in the file.
 struct KindEntry {
   std::string kind, like;
-  DepthPrinciple principle = DepthPrinciple::kUnknown;
   std::vector<double> distortion;
   std::vector<double> lens_sigmas;
   double own_focal_sigma = 0;
@@ -28,7 +27,6 @@ struct KindEntry {
   void Describe(Archive& ar) {
     ar("kind", kind, "with which the names of its sensors begin");
     ar("like", like, "an earlier kind, whose keys this one has where it does not give its own");
-    ar("principle", principle, "how it measures");
     ar("distortion", distortion, "k1 k2 p1 p2 k3 k4 k5 k6, or none: rectified");
     ar("lens_sigmas", lens_sigmas,
        "by which lenses of the kind differ: standard deviations of the logarithm of the focal "
@@ -74,7 +72,7 @@ KindEntry ReadEntry(const ConfigSource& source, const std::vector<KindEntry>& ea
 }
 
 SensorKind KindOf(const KindEntry& entry) {
-  SensorKind kind{entry.kind, entry.principle, std::nullopt, entry.errors};
+  SensorKind kind{entry.kind, std::nullopt, entry.errors};
   if (!entry.lens_sigmas.empty()) {
     kind.lens.emplace();
     kind.lens->distortion = entry.distortion;
@@ -134,11 +132,6 @@ void RequireSensorKind(const std::string& sensor, const std::string& what) {
 const DepthErrorModel& ErrorsOf(const std::string& sensor) {
   if (const SensorKind* kind = FindSensorKind(sensor)) return kind->errors;
   return std::find_if(Shipped().begin(), Shipped().end(), IsUnknown)->errors;
-}
-
-bool MeasuresBy(DepthPrinciple principle, const std::string& sensor) {
-  const SensorKind* kind = FindSensorKind(sensor);
-  return kind != nullptr && kind->principle == principle;
 }
 
 }  // namespace volalign

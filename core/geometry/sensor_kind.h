@@ -5,22 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/config/config_word.h"
 #include "core/geometry/depth_error_model.h"
 
 namespace volalign {
-
-enum class DepthPrinciple {
-  kUnknown,
-  kTimeOfFlight,
-  kStereo  ///< matches patterns, its own or the scene's texture
-};
-
-constexpr Words<DepthPrinciple, 3> WordsOf(DepthPrinciple) {
-  return {{{"unknown", DepthPrinciple::kUnknown},
-           {"time_of_flight", DepthPrinciple::kTimeOfFlight},
-           {"stereo", DepthPrinciple::kStereo}}};
-}
 
 /// A typical lens of a kind, in OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
 struct TypicalLens {
@@ -37,8 +24,7 @@ struct TypicalLens {
 
 /// A kind of sensor: an entry `kind` of configs/intrinsics.yaml, which the program contains.
 struct SensorKind {
-  std::string name;  ///< beginning of its sensors' names
-  DepthPrinciple principle = DepthPrinciple::kUnknown;
+  std::string name;                 ///< beginning of its sensors' names
   std::optional<TypicalLens> lens;  ///< if known
   DepthErrorModel errors;
 };
@@ -55,9 +41,6 @@ void RequireSensorKind(const std::string& sensor, const std::string& what);
 
 /// The errors of a sensor's kind; those of the entry `unknown` for a name without a kind.
 const DepthErrorModel& ErrorsOf(const std::string& sensor);
-
-/// Is the sensor's kind known, and does it measure in this way?
-bool MeasuresBy(DepthPrinciple principle, const std::string& sensor);
 
 /// Reads the entries `kind` of YAML like configs/intrinsics.yaml; `path` begins messages. Throws
 /// ConfigError.

@@ -15,7 +15,6 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/input_file.h"
-#include "core/base/shown_path.h"
 #include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/geometry/mesh_file.h"
@@ -217,8 +216,6 @@ bool HasLabel(const Box& box, const Side& side) {
 }
 
 }  // namespace
-
-Eigen::Vector3d FaceNormal(Face face) { return AxesOf(face).normal; }
 
 Box Box::FromMinMax(std::string name, const Eigen::Vector3d& min, const Eigen::Vector3d& max) {
   Box box;

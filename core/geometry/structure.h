@@ -26,7 +26,6 @@ constexpr Words<Face, 6> WordsOf(Face) {
            {"right", Face::kRight},
            {"left", Face::kLeft}}};
 }
-Eigen::Vector3d FaceNormal(Face face);
 
 /// Labels are uint8; a box has 5.
 inline constexpr int kMaxLabels = 255, kMaxBoxes = kMaxLabels / 5;

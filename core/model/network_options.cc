@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "core/base/error.h"
-#include "core/model/network_limits.h"
 
 namespace volalign {
 

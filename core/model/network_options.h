@@ -1,11 +1,33 @@
 #pragma once
 
+#include <cstdint>
+#include <numeric>
 #include <string>
 
 #include "core/config/config_word.h"
-#include "core/model/normalization.h"
 
 namespace volalign {
+
+// Limits of a network's options. So neither a recipe nor a file's metadata can ask for any amount
+// of memory. The paper's network has 32 channels and 4 blocks.
+inline constexpr int kMostBaseChannels = 1024;
+inline constexpr int kMostResidualBlocks = 64;
+inline constexpr int kMostClasses = 256;  ///< labels are uint8
+
+/// Normalisation of a convolution's output: none, over the batch, or over groups of channels of
+/// each sample.
+enum class Normalization { kNone, kBatch, kGroup };
+
+/// Added to the variance in both normalisations.
+inline constexpr double kNormEpsilon = 1e-5;
+/// Share of a batch in the running statistics.
+inline constexpr double kNormMomentum = 0.1;
+
+/// Number of groups over `channels`.
+inline std::int64_t NormGroups(std::int64_t channels) {
+  constexpr std::int64_t kMost = 8;
+  return std::gcd(channels, kMost);
+}
 
 enum class InputEncoding { kDepth, kDepthMask };
 
@@ -32,7 +54,7 @@ inline constexpr double kDepthClamp = 6.0;
 /// The defaults are the network of the paper (section "Semantic Correspondences").
 struct StructureNetOptions {
   std::string kind = "paper";  ///< of NetworkKinds() (core/nn/network.h)
-  int base_channels = 32;      ///< c, 1 to kMostBaseChannels (core/model/network_limits.h)
+  int base_channels = 32;      ///< c, 1 to kMostBaseChannels
   int num_classes = 21;        ///< K, 2 to kMostClasses, background included
   bool attention = true;
   Normalization normalization = Normalization::kNone;

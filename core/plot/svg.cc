@@ -63,12 +63,6 @@ void Svg::Text(const Point& at, const std::string& text, const std::string& attr
                        Escaped(text));
 }
 
-void Svg::TurnedText(const Point& at, double deg, const std::string& text,
-                     const std::string& attributes) {
-  Text(at, text,
-       fmt::format("{} transform=\"rotate({:g} {:.1f} {:.1f})\"", attributes, deg, at.x, at.y));
-}
-
 void Svg::Element(const std::string& name, const std::string& attributes) {
   text_ += fmt::format("<{} {}/>\n", name, attributes);
 }

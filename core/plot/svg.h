@@ -26,9 +26,6 @@ class Svg {
                const std::string& title = "");
   void Polyline(const std::vector<Point>& points, const std::string& attributes);
   void Text(const Point& at, const std::string& text, const std::string& attributes = "");
-  /// Text that is turned about `at`, clockwise.
-  void TurnedText(const Point& at, double deg, const std::string& text,
-                  const std::string& attributes);
   /// An element without content.
   void Element(const std::string& name, const std::string& attributes);
 

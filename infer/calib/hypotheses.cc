@@ -12,7 +12,7 @@
 
 #include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
-#include "core/geometry/typical_intrinsics.h"
+#include "core/geometry/camera.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/lens/sensor_lens.h"

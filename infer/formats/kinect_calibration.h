@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "core/geometry/colour_camera.h"
+#include "core/geometry/camera.h"
 #include "infer/formats/intrinsics_file.h"
 
 namespace volalign {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/geometry/camera.h"
-#include "core/geometry/colour_camera.h"
 #include "infer/formats/depth_file.h"
 #include "infer/formats/read_budget.h"
 

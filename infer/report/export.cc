@@ -16,7 +16,6 @@
 #include "core/base/file_util.h"
 #include "core/base/parallel_for.h"
 #include "core/formats/image_io.h"
-#include "core/formats/palette_png.h"
 #include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 #include "infer/capture/capture.h"

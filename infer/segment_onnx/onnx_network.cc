@@ -19,7 +19,7 @@
 namespace volalign {
 namespace {
 
-// A message of two bytes takes a hundred in memory. The largest network of network_limits.h has 7
+// A message of two bytes takes a hundred in memory. The largest network of network_options.h has 7
 // nodes per residual block and 340 others, and fewer tensors.
 constexpr int kMostFields = 2000;
 /// A node, or a text other than the metadata, has some hundred bytes.

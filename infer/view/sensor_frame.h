@@ -6,7 +6,6 @@
 
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
-#include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
 #include "infer/view/alike.h"
 #include "infer/view/pose_prior.h"

@@ -9,7 +9,7 @@
 #include <iostream>
 #include <string>
 
-#include "core/geometry/image_size.h"
+#include "core/geometry/camera.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/structure.h"
 #include "core/nn/cpu/torch_threads.h"

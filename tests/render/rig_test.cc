@@ -110,7 +110,7 @@ TEST_F(RigTest, WrittenCaptureReadsBack) {
   EXPECT_EQ(capture.sensors[0].depth.width(), 320);
   EXPECT_EQ(capture.sensors[0].depth.height(), 180);
   EXPECT_EQ(capture.sensors[1].depth.height(), 288);
-  EXPECT_GT(ReadPngRgb(dir_ / "contact_sheet.png").width(), 600);
+  EXPECT_GT(std::filesystem::file_size(dir_ / "contact_sheet.png"), 10000U);
 }
 
 TEST_F(RigTest, TheCaptureLeavesOutALensThatIsNotStated) {

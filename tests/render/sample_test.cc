@@ -19,7 +19,6 @@
 #include "core/geometry/visibility.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
-#include "render/pose_sampler.h"
 #include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"

@@ -14,7 +14,6 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/number.h"
-#include "core/base/shown_path.h"
 #include "core/base/statistics.h"
 #include "core/base/text.h"
 #include "core/config/config.h"

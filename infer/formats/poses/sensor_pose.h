@@ -4,7 +4,6 @@
 #include <string>
 
 #include "core/geometry/camera.h"
-#include "core/geometry/colour_camera.h"
 #include "core/geometry/pose.h"
 
 namespace volalign {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "core/base/file_util.h"
-#include "core/formats/palette_png.h"
+#include "core/formats/image_io.h"
 
 namespace volalign {
 

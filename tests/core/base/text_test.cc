@@ -19,7 +19,6 @@
 #include "core/base/progress_line.h"
 #include "core/base/provenance.h"
 #include "core/base/random.h"
-#include "core/base/sentence.h"
 #include "core/base/statistics.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"

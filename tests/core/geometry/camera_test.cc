@@ -252,7 +252,6 @@ TEST(Lens, TheShareWithoutRaysIsThePictures) {
 TEST(FindSensorKind, IsTheOneWithTheLongestNameThatItBeginsWith) {
   const SensorKind* azure = FindSensorKind("azure_kinect_nfov_binned");
   ASSERT_NE(azure, nullptr);
-  EXPECT_EQ(azure->principle, DepthPrinciple::kTimeOfFlight);
   ASSERT_TRUE(azure->lens.has_value());
   EXPECT_FALSE(azure->lens->rectified());
   ASSERT_NE(FindSensorKind("realsense_d415"), nullptr);
@@ -266,22 +265,12 @@ TEST(FindSensorKind, IsTheOneWithTheLongestNameThatItBeginsWith) {
   EXPECT_EQ(FindSensorKind(""), nullptr);
 }
 
-TEST(MeasuresBy, IsOfKnownKindsOnly) {
-  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, "realsense_d455"));
-  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, "kinect_v1"));
-  EXPECT_TRUE(MeasuresBy(DepthPrinciple::kTimeOfFlight, "kinect_v2"));
-  EXPECT_FALSE(MeasuresBy(DepthPrinciple::kTimeOfFlight, "kinect_v1"));
-  for (const DepthPrinciple principle : {DepthPrinciple::kStereo, DepthPrinciple::kTimeOfFlight})
-    EXPECT_FALSE(MeasuresBy(principle, "lidar"));
-}
-
 // One design: units of it differ in scale by more than any other kind's.
 TEST(SensorKinds, TheFirstKinectsDesignHasThreeNames) {
   const DepthErrorModel& kinect = ErrorsOf("kinect_v1");
   EXPECT_GT(kinect.unit_gain, 3 * ErrorsOf("realsense_d415").unit_gain);
   EXPECT_EQ(ErrorsOf("azure_kinect_nfov_binned").unit_gain, ErrorsOf("").unit_gain);
   for (const char* name : {"asus_xtion", "asus_xtion_pro_live", "primesense_carmine"}) {
-    EXPECT_TRUE(MeasuresBy(DepthPrinciple::kStereo, name)) << name;
     EXPECT_EQ(ErrorsOf(name).white_m, kinect.white_m) << name;
     EXPECT_EQ(ErrorsOf(name).unit_gain, kinect.unit_gain) << name;
   }
@@ -359,7 +348,6 @@ TEST(DepthErrorModel, PartsAreIndependent) {
 TEST(FindSensorKind, AFemtoBoltHasTheLensThatItsFactoryMeasured) {
   const SensorKind* bolt = FindSensorKind("orbbec_femto_bolt_nfov_binned");
   ASSERT_NE(bolt, nullptr);
-  EXPECT_EQ(bolt->principle, DepthPrinciple::kTimeOfFlight);
   Intrinsics of_kind{320, 288, 252, 252, 160, 144, bolt->lens->distortion}, of_unit = of_kind;
   of_unit.distortion = {8.68957, 4.46817, 0, 0, 0.172922, 9.01699, 7.37854, 1.05598};
   for (const double radius : {0.2, 0.4, 0.6}) {
@@ -422,13 +410,12 @@ TEST(ReadIntrinsicsPool, TheModesOfADeviceAreOneLens) {
 TEST(ParseSensorKinds, AKindIsOneEntry) {
   const std::vector<SensorKind> kinds = ParseSensorKinds(
       "- sensor: other\n  resolution: [4, 3]\n  intrinsics: [[1, 1, 1, 1]]\n"
-      "- kind: a\n  principle: stereo\n  lens_sigmas: [0.1, 0.2, 0.3]\n"
+      "- kind: a\n  lens_sigmas: [0.1, 0.2, 0.3]\n"
       "  errors: {smooth_m: 0.01, smooth_rad: 0.1, seam_reach_m: 0.3, bounce_reach_m: 0.2}\n"
       "- kind: ab\n  like: a\n  errors: {smooth_m: 0.02}\n",
       "own.yaml");
   ASSERT_EQ(kinds.size(), 2U);
   EXPECT_EQ(kinds[1].name, "ab");
-  EXPECT_EQ(kinds[1].principle, DepthPrinciple::kStereo);
   EXPECT_EQ(kinds[1].errors.smooth_m, 0.02);
   EXPECT_EQ(kinds[1].errors.smooth_rad, 0.1);
   EXPECT_EQ(kinds[1].lens->sigmas, (std::array<double, 3>{0.1, 0.2, 0.3}));
@@ -444,7 +431,6 @@ TEST(ParseSensorKinds, RejectsWhatIsNone) {
   expect("- kind: b\n  like: a\n  erors: {white_m: 1}\n",
          {"unknown key 'erors.white_m'", "own.yaml:5"});
   expect("- kind: b\n  like: c\n", {"like = c", "own.yaml:4"});
-  expect("- kind: b\n  like: a\n  principle: radar\n", {"principle", "stereo"});
   expect("- kind: b\n  like: a\n  distortion: [1, 2]\n", {"distortion", "8 numbers"});
   expect("- kind: b\n  like: a\n  errors: {smooth_rad: 0}\n", {"smooth_rad"});
   expect("- kind: b\n", {"smooth_rad"});

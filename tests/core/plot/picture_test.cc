@@ -189,7 +189,7 @@ TEST(Svg, IsTheseElements) {
   Svg svg(20, 10, ".a{stroke:#444}", -5);
   svg.Line({0, 1}, {2, 3.25}, "class=\"a\"");
   svg.Polygon({{0, 0}, {1, 0}, {1, 1}}, "fill=\"none\"");
-  svg.TurnedText({3, 4}, -90, "up", "text-anchor=\"middle\"");
+  svg.Text({3, 4}, "up", "text-anchor=\"middle\"");
   EXPECT_EQ(svg.Finished(),
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"10\" "
             "viewBox=\"-5 0 20 10\" font-family=\"sans-serif\" font-size=\"13\">\n"
@@ -197,8 +197,7 @@ TEST(Svg, IsTheseElements) {
             "<rect x=\"-5\" width=\"20\" height=\"10\" fill=\"#fff\"/>\n"
             "<line x1=\"0.0\" y1=\"1.0\" x2=\"2.0\" y2=\"3.2\" class=\"a\"/>\n"
             "<polygon points=\"0.0,0.0 1.0,0.0 1.0,1.0 \" fill=\"none\"/>\n"
-            "<text x=\"3.0\" y=\"4.0\" text-anchor=\"middle\" "
-            "transform=\"rotate(-90 3.0 4.0)\">up</text>\n"
+            "<text x=\"3.0\" y=\"4.0\" text-anchor=\"middle\">up</text>\n"
             "</svg>\n");
 }
 

@@ -14,7 +14,7 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
-#include "core/geometry/typical_intrinsics.h"
+#include "core/geometry/camera.h"
 #include "infer/capture/capture_draft.h"
 #include "infer/capture/capture_folder.h"
 #include "infer/capture/mean_depth.h"
