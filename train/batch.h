@@ -34,9 +34,9 @@ class BatchPacker {
  public:
   explicit BatchPacker(const at::Device& device) : device_(device) {}
 
-  /// A batch whose labels are still uint8, and whose depth and labels are still in memory: in
-  /// pinned memory if the device is not the CPU, so that copies do not block. Throws Error for no
-  /// samples, or images of unequal sizes.
+  /// A batch whose labels are still uint8. Its depth and labels are still in memory. This is pinned
+  /// if the device is not the CPU, so that copies do not block. Throws Error for no samples, or
+  /// images of unequal sizes.
   Batch Pack(const std::vector<Sample>& samples);
 
  private:
