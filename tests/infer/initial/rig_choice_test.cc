@@ -211,6 +211,16 @@ TEST(ChooseTogether, SmallDifferencesOfDepthsDoNotAddUp) {
   }
 }
 
+TEST(ChooseAlone, WhatIsImprobableIsNoAlternative) {
+  for (const double floor : {-13.0, -14.0}) {
+    const PoseChoice choice =
+        ChooseAmong({Candidate(Upright(0, 0), 0, 3), Candidate(Upright(90, 0.4), floor, 3)});
+    EXPECT_EQ(choice.alternatives.size(), -floor > std::log(kNamedOdds) ? 0u : 1u) << floor;
+  }
+}
+
+// Half of the pictures stand upright and half lie on their side: none of either contradicts the
+// others that are mounted so.
 TEST(ChooseTogether, RigsMayBeMountedInTwoWays) {
   for (std::size_t wrong = 0; wrong < 6; ++wrong) {
     SCOPED_TRACE(wrong);
