@@ -13,7 +13,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libtiff-dev libopenexr-dev libmatroska-dev libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file iproute2 python3 python3-numpy python3-pil python3-pytest python3-torch)
-# For the test of report.html, which is left out without them: 80 MB to fetch, 350 MB installed. CI has them.
+# For the test of report.html, which is left out without them: 120 MB to fetch, 380 MB installed. CI has them.
 VOLALIGN_BROWSER_PACKAGES=(chromium chromium-driver fonts-dejavu-core python3-selenium)
 # For the tests that compare with other programs' readers and writers, beside tests/requirements.txt, and for the reference of the headers; likewise.
 VOLALIGN_READERS_PACKAGES=(mkvtoolnix python3-venv doxygen)

@@ -4,7 +4,7 @@
     tests/accuracy.py VOLALIGN [VOLALIGN] [--parts foreign,alone,real,table,places,rendered,physics] [--model FILE] [--rigs 40] [--json FILE]
     tests/accuracy.py VOLALIGN [VOLALIGN] --guard [--quick] [--keep]
 
-Needs NumPy; runs from the root of the project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
+Needs NumPy and Pillow; runs from the root of the project. What an earlier run left in --work for the same program and model (the same bytes) is not done again.
 After the table come real sensors, those without a pose, the wrong ones, and those whose status or error changed by more than 3 mm.
 
 Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the folder of frames that are not in the repository):
@@ -13,7 +13,7 @@ Families of frames, and what they are compared with (VOLALIGN_CAPTURES names the
 - rendered, physics: --rigs rigs of each kind, seeds from 1000; boxes 3 mm and 0.5 deg off, sizes 1 %; true poses in the nominal frame
 - table: two sensors before cartons on a table; a relative pose from colour images, known to 3 to 5 cm and 0.4 deg
 - places: six sensors, a stack at four placements, and the rig irregular with one and four; true poses
-- alone: single frames of foreign, of which only the stack is left. Most show several poses alike; true poses. One that is ok and wrong is unsafe
+- alone: single frames of foreign, of which only the stack is left, so that several poses may look alike; true poses
 
 Columns: median, 95th percentile and largest error of the sensors that are not wrong, mm, or RMS of their points to the structure; percent of the six
 components of delta within one and two standard deviations; beside both, what they were.
@@ -172,6 +172,7 @@ def foreign(program, captures, result, models=(True, False)):
 
 
 def alone(program, captures, result):
+    """Without a floor and the room, a symmetry may fit as well: such a sensor has to be ambiguous."""
     low, high = [-0.75, -0.77, -0.75], [0.75, 0.9, 0.75]  # m, structure frame, from 4 cm above the floor
     for folder in sorted((captures / "foreign").iterdir()):
         if (folder / "boxes.yaml").exists():
