@@ -63,12 +63,6 @@ double LevelGap(const Box& a, const Box& b) {
   return Gap(a, b, [](const Eigen::Vector3d& d) { return std::abs(d.y()) < 1e-3; });
 }
 
-Eigen::AlignedBox3d Around(const Box& box) {
-  Eigen::AlignedBox3d around;
-  for (const Eigen::Vector3d& corner : box.Corners()) around.extend(corner);
-  return around;
-}
-
 bool IsUpright(const Box& box) {
   return box.structure_from_box.linear().row(1).cwiseAbs().maxCoeff() > kUpright;
 }
@@ -142,27 +136,17 @@ class Stack {
     return shares;
   }
 
-  bool Carries(const Box& below, const Box& box) const {
-    if (&below == &box) return false;
-    if (IsUpright(below) && IsUpright(box)) {
-      return std::abs(Around(below).max().y() - Around(box).min().y()) <= kStackTolerance &&
-             LevelGap(below, box) < -kStackTolerance;
-    }
-    return Gap(below, box) <= kStackTolerance &&
-           below.structure_from_box.translation().y() < box.structure_from_box.translation().y();
-  }
-
   void FindStanding(const Box& box) {
-    const Eigen::AlignedBox3d around = Around(box);
+    const Eigen::AlignedBox3d around = BoundsOf(box);
     const double bottom = around.min().y();
     if (!structure_.IsOfBoxes() || bottom - floor_ <= kStackTolerance) return;
     Eigen::AlignedBox3d support;  // as seen from above
     bool stands = false, carries = false;
     for (const Box& other : boxes_) {
-      carries = carries || Carries(box, other);
-      if (!Carries(other, box)) continue;
+      carries = carries || RestsOn(other, box);
+      if (!RestsOn(box, other)) continue;
       stands = true;
-      const Eigen::AlignedBox3d below = Around(other);
+      const Eigen::AlignedBox3d below = BoundsOf(other);
       support.extend(below.min().cwiseMax(around.min()).eval());
       support.extend(below.max().cwiseMin(around.max()).eval());
     }
@@ -180,7 +164,7 @@ class Stack {
     const Box* below = nullptr;
     double top = floor_;
     for (const Box& other : boxes_) {
-      const double height = Around(other).max().y();
+      const double height = BoundsOf(other).max().y();
       if (&other == &box || height > bottom || height < top ||
           LevelGap(other, box) >= -kStackTolerance)
         continue;
@@ -215,6 +199,35 @@ class Stack {
 };
 
 }  // namespace
+
+Eigen::AlignedBox3d BoundsOf(const Box& box) {
+  Eigen::AlignedBox3d bounds;
+  for (const Eigen::Vector3d& corner : box.Corners()) bounds.extend(corner);
+  return bounds;
+}
+
+bool RestsOn(const Box& box, const Box& below) {
+  if (&below == &box) return false;
+  if (IsUpright(below) && IsUpright(box)) {
+    return std::abs(BoundsOf(below).max().y() - BoundsOf(box).min().y()) <= kStackTolerance &&
+           LevelGap(below, box) < -kStackTolerance;
+  }
+  return Gap(below, box) <= kStackTolerance &&
+         below.structure_from_box.translation().y() < box.structure_from_box.translation().y();
+}
+
+std::vector<std::size_t> BoxesOn(const std::vector<Box>& boxes, std::size_t box) {
+  std::vector<std::size_t> on_it = {box};
+  for (std::size_t k = 0; k < on_it.size(); ++k) {
+    for (std::size_t other = 0; other < boxes.size(); ++other) {
+      if (RestsOn(boxes[other], boxes[on_it[k]]) &&
+          std::find(on_it.begin(), on_it.end(), other) == on_it.end())
+        on_it.push_back(other);
+    }
+  }
+  on_it.erase(on_it.begin());
+  return on_it;
+}
 
 std::vector<StackFault> FindStackFaults(const Structure& structure) {
   return Stack(structure).Faults();

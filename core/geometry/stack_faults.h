@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Geometry>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -10,6 +12,15 @@ namespace volalign {
 /// Precision, m, of measured and stacked boxes. Up to it, they may seem to share space, or to float
 /// above what they stand on.
 inline constexpr double kStackTolerance = 5e-3;
+
+/// The bounding box in the structure frame, m.
+Eigen::AlignedBox3d BoundsOf(const Box& box);
+
+/// Does a box stand on another one?
+bool RestsOn(const Box& box, const Box& below);
+
+/// Indices of the boxes that rest on a box, directly or not.
+std::vector<std::size_t> BoxesOn(const std::vector<Box>& boxes, std::size_t box);
 
 /// A fault of a described stack: impossible, or unlikely.
 struct StackFault {

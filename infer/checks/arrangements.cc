@@ -10,39 +10,30 @@
 #include <string>
 #include <utility>
 
+#include "core/geometry/stack_faults.h"
 #include "infer/view/alike.h"
 
 namespace volalign {
 
 namespace {
 
-/// Beyond every structure, m.
-constexpr double kFar = std::numeric_limits<double>::max();
-
 Eigen::Vector3d Centre(const Box& box) { return box.structure_from_box.translation(); }
 
-/// Half extents, structure axes, of a box's bounding box.
-Eigen::Vector3d HalfExtent(const Box& box) {
-  return box.structure_from_box.linear().cwiseAbs() * box.size / 2;
-}
-
 bool Overlap(const Box& a, const Box& b, int axis) {
-  return std::abs(Centre(a)[axis] - Centre(b)[axis]) <
-         HalfExtent(a)[axis] + HalfExtent(b)[axis] - kSamePlace;
+  return BoundsOf(a).intersection(BoundsOf(b)).sizes()[axis] > kSamePlace;
 }
 
 /// The middle of the area that all footprints share, or of the boxes' middles where they share
 /// none.
 Eigen::Vector3d ColumnOf(const std::vector<Box>& boxes) {
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(-kFar), high = Eigen::Vector3d::Constant(kFar);
+  Eigen::AlignedBox3d shared = BoundsOf(boxes.front());
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (const Box& box : boxes) {
-    low = low.cwiseMax(Centre(box) - HalfExtent(box));
-    high = high.cwiseMin(Centre(box) + HalfExtent(box));
+    shared = shared.intersection(BoundsOf(box));
     mean += Centre(box) / static_cast<double>(boxes.size());
   }
   for (const int axis : {0, 2}) {
-    if (high[axis] > low[axis]) mean[axis] = (low[axis] + high[axis]) / 2;
+    if (shared.sizes()[axis] > 0) mean[axis] = shared.center()[axis];
   }
   return mean;
 }
@@ -63,8 +54,7 @@ std::vector<Box> Settled(std::vector<Box> boxes, double floor) {
   std::vector<std::size_t> order(boxes.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return Centre(boxes[a]).y() - HalfExtent(boxes[a]).y() <
-           Centre(boxes[b]).y() - HalfExtent(boxes[b]).y();
+    return BoundsOf(boxes[a]).min().y() < BoundsOf(boxes[b]).min().y();
   });
   for (std::size_t i = 0; i < order.size(); ++i) {
     Box& box = boxes[order[i]];
@@ -72,9 +62,9 @@ std::vector<Box> Settled(std::vector<Box> boxes, double floor) {
     for (std::size_t j = 0; j < i; ++j) {
       const Box& under = boxes[order[j]];
       if (Overlap(box, under, 0) && Overlap(box, under, 2))
-        bottom = std::max(bottom, Centre(under).y() + HalfExtent(under).y());
+        bottom = std::max(bottom, BoundsOf(under).max().y());
     }
-    box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
+    box.structure_from_box.translation().y() += bottom - BoundsOf(box).min().y();
   }
   return boxes;
 }
@@ -84,7 +74,7 @@ bool Contained(const std::vector<Box>& a, const std::vector<Box>& b) {
   return std::all_of(a.begin(), a.end(), [&](const Box& box) {
     return std::any_of(b.begin(), b.end(), [&](const Box& other) {
       return (Centre(box) - Centre(other)).norm() < kSamePlace &&
-             (HalfExtent(box) - HalfExtent(other)).norm() < kSamePlace;
+             (BoundsOf(box).sizes() - BoundsOf(other).sizes()).norm() < 2 * kSamePlace;
     });
   });
 }
@@ -119,10 +109,10 @@ std::vector<Box> Swapped(std::vector<Box> boxes, std::size_t i, std::size_t j, b
   const std::vector<Box> before = boxes;
   for (const auto& [to, from] : {std::pair{i, j}, std::pair{j, i}}) {
     Box& box = boxes[to];
-    const double bottom = Centre(box).y() - HalfExtent(box).y();
+    const double bottom = BoundsOf(box).min().y();
     box.size = before[from].size;
     if (own_place) box.structure_from_box = before[from].structure_from_box;
-    box.structure_from_box.translation().y() = bottom + HalfExtent(box).y();
+    box.structure_from_box.translation().y() += bottom - BoundsOf(box).min().y();
   }
   return boxes;
 }
@@ -218,16 +208,6 @@ std::vector<Arrangement> Arrangements(const Structure& structure) {
     }
   }
   return list.Take();
-}
-
-std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box) {
-  const std::vector<Box>& boxes = structure.boxes();
-  const double top = Centre(boxes[box]).y() + HalfExtent(boxes[box]).y();
-  std::vector<std::size_t> above;
-  for (std::size_t i = 0; i < boxes.size(); ++i) {
-    if (Centre(boxes[i]).y() - HalfExtent(boxes[i]).y() > top - kSamePlace) above.push_back(i);
-  }
-  return above;
 }
 
 Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& moved,

@@ -34,9 +34,6 @@ struct Arrangement {
 /// structure.
 std::vector<Arrangement> Arrangements(const Structure& structure);
 
-/// The boxes that stand on a box or higher.
-std::vector<std::size_t> BoxesAbove(const Structure& structure, std::size_t box);
-
 /// The arrangement with boxes displaced by `offset`, m, along the floor or along y. If all boxes
 /// are higher, another box stands below them. `moved`: the lowest one first.
 Arrangement Displaced(const Structure& structure, const std::vector<std::size_t>& moved,

@@ -12,6 +12,7 @@
 #include "core/base/lists.h"
 #include "core/base/odds.h"
 #include "core/base/parallel_for.h"
+#include "core/geometry/stack_faults.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/view/alike.h"
 
@@ -203,7 +204,7 @@ class Inspection {
     std::vector<StackHypothesis> list;
     if (!structure_.IsOfBoxes()) return list;  // nobody stacks the parts of a mesh
     for (std::size_t box = 0; box < structure_.boxes().size(); ++box) {
-      Indices with_above = BoxesAbove(structure_, box);
+      Indices with_above = BoxesOn(structure_.boxes(), box);
       with_above.insert(with_above.begin(), box);
       std::vector<Indices> sets;
       if (with_above.size() > 1) sets.push_back({box});

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/geometry/stack_faults.h"
 #include "infer/refine/prior_scales.h"
 #include "infer/view/alike.h"
 
@@ -14,43 +15,17 @@ namespace {
 
 constexpr int kAxes = Eigen::Vector3d::SizeAtCompileTime;
 
-Eigen::Vector3d Centre(const Box& box) { return box.structure_from_box.translation(); }
-
-/// Half extents of a box's bounding box, along the structure's axes.
-Eigen::Vector3d HalfExtent(const Box& box) {
-  return box.structure_from_box.linear().cwiseAbs() * box.size / 2;
-}
-
-bool RestsOn(const Box& upper, const Box& lower) {
-  const Eigen::Vector3d apart = Centre(upper) - Centre(lower);
-  const Eigen::Vector3d touching = HalfExtent(upper) + HalfExtent(lower);
-  return std::abs(apart.y() - touching.y()) < kSamePlace && std::abs(apart.x()) < touching.x() &&
-         std::abs(apart.z()) < touching.z();
-}
-
-/// Marks the boxes that rest on a box, directly or not.
-void MarkAbove(const std::vector<Box>& boxes, std::size_t lower, std::vector<char>* above) {
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    if (b == lower || (*above)[b] || !RestsOn(boxes[b], boxes[lower])) continue;
-    (*above)[b] = 1;
-    MarkAbove(boxes, b, above);
-  }
-}
-
 }  // namespace
 
 Structure WithEdge(const Structure& structure, int box, int axis, double change) {
   std::vector<Box> boxes = structure.boxes();
   const auto b = static_cast<std::size_t>(box);
-  std::vector<char> above(boxes.size(), 0);
   if (std::abs(boxes[b].structure_from_box.linear()(1, axis)) > kFacesAlike) {
-    MarkAbove(boxes, b, &above);
+    for (const std::size_t above : BoxesOn(structure.boxes(), b))
+      boxes[above].structure_from_box.translation().y() += change;
     boxes[b].structure_from_box.translation().y() += change / 2;
   }
   boxes[b].size[axis] += change;
-  for (std::size_t c = 0; c < boxes.size(); ++c) {
-    if (above[c]) boxes[c].structure_from_box.translation().y() += change;
-  }
   return Structure::FromBoxes(structure.name(), std::move(boxes), structure.SideNames());
 }
 
