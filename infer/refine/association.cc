@@ -12,9 +12,6 @@ namespace {
 /// Least cosine between a silhouette and its edge (60 deg). Near a corner, the nearer of two edges
 /// counts.
 constexpr double kEdgeAgrees = 0.5;
-/// The same for a one-sided silhouette, whose direction was measured. The border of a sensor's
-/// light, or of a hiding object without depth, is seldom parallel to the side's edges.
-constexpr double kOneSidedAgrees = kSameDirection;
 
 }  // namespace
 
@@ -53,11 +50,7 @@ int EdgeUnder(const Structure& structure, const FrameState& sensor, const EdgePo
   const Eigen::Vector3d p = sensor.InStructure(edge.p);
   if (!(std::abs(side.normal.dot(p - side.centre)) <= gate)) return -1;
   if ((rotation * edge.normal).dot(side.normal) < kFacesAlike) return -1;
-  const Eigen::Vector3d outward = rotation * edge.outward;
-  const int under = NearestEdge(side, p, outward, gate);
-  if (under >= 0 && edge.one_sided && side.BorderAt(under).outward.dot(outward) <= kOneSidedAgrees)
-    return -1;
-  return under;
+  return NearestEdge(side, p, rotation * edge.outward, gate);
 }
 
 }  // namespace volalign::refine_internal

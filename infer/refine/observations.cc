@@ -81,8 +81,7 @@ FaceObservation FaceOf(const Structure& nominal, const Structure& built, const F
   return face;
 }
 
-/// Silhouette points of one image block along one edge. Gaps before an empty background have nearly
-/// the same width along an edge, so many points count as one.
+/// Silhouette points of one image block along one edge.
 EdgeObservation EdgeOf(int label, int edge_index, int axis,
                        const std::vector<const EdgePoint*>& points) {
   EdgeObservation edge;
@@ -100,7 +99,7 @@ EdgeObservation EdgeOf(int label, int edge_index, int axis,
   edge.p /= count;
   edge.pixel /= count;
   pixels /= count;
-  edge.variance = pixels * pixels / (points.front()->one_sided ? 1 : std::sqrt(count));
+  edge.variance = pixels * pixels / std::sqrt(count);
   return edge;
 }
 
@@ -163,12 +162,11 @@ void GatherObservations(const Structure& nominal, const State& state, std::size_
     if (LiesOnItsSide(built, sensor, point, gates.side))
       faces[{point.label, point.block}].push_back(&point);
   }
-  // By label, edge, block, axis, and whether one-sided.
-  std::map<std::array<int, 5>, std::vector<const EdgePoint*>> lines;
+  // By label, edge, block and axis.
+  std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
     const int border = EdgeUnder(built, sensor, edge, gates.side);
-    if (border >= 0)
-      lines[{edge.label, border, edge.block, edge.axis, edge.one_sided}].push_back(&edge);
+    if (border >= 0) lines[{edge.label, border, edge.block, edge.axis}].push_back(&edge);
   }
   observed->lens = points.lens;
   observed->faces.clear();

@@ -52,8 +52,7 @@ struct RefineOptions : PriorOptions, RefineSchedule {
   std::string estimate = "auto";
   bool lens_per_sensor = false;
   int max_side_points = 3750;  ///< most labelled points of a sensor
-  /// Most silhouette points of a sensor, and as many again that have no depth behind them.
-  int max_edge_points = 600;
+  int max_edge_points = 600;   ///< most silhouette points of a sensor
 
   template <class Archive>
   void Describe(Archive& ar) {

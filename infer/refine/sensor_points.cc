@@ -163,13 +163,10 @@ SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segm
                           double min_confidence) {
   const ConfidentSides sides{view, segmentation, static_cast<std::size_t>(structure.num_classes()),
                              min_confidence};
-  const auto most_edges = static_cast<std::size_t>(options.max_edge_points);
-  const Silhouettes silhouettes = FindSilhouettes(sides);
   SensorPoints points;
   points.side_points = SampleSidePoints(sides, options.max_side_points);
-  points.edge_points = Thinned(silhouettes.two_sided, most_edges);
-  const std::vector<EdgePoint> one_sided = Thinned(silhouettes.one_sided, most_edges);
-  points.edge_points.insert(points.edge_points.end(), one_sided.begin(), one_sided.end());
+  points.edge_points =
+      Thinned(FindSilhouettes(sides), static_cast<std::size_t>(options.max_edge_points));
   return points;
 }
 

@@ -27,21 +27,18 @@ struct SidePoint {
   double lateral_sigma_rad = 0;
 };
 
-/// A point on the silhouette of a labelled side, where the depth behind it jumps or is missing. It
-/// lies half a pixel beyond the last one on the side, more if pixels are missing.
+/// A point on the silhouette of a labelled side, where the depth behind it jumps. It lies half a
+/// pixel beyond the last one on the side, more if pixels are missing.
 struct EdgePoint {
   Eigen::Vector3d p;
   /// Unit, sensor frame, in the side's measured plane, across the silhouette.
   Eigen::Vector3d outward;
   Eigen::Vector3d normal;  ///< of the side, as measured
-  /// m, standard deviation. The edge is anywhere between the pixels on both sides of it. A
-  /// one-sided one is anywhere in as many pixels as sensors leave empty.
+  /// m, standard deviation. The edge is anywhere between the pixels on both sides of it.
   double sigma = 0;
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
   int axis = 0;  ///< 0: found along an image row, 1: along a column
-  /// No depth follows within a few pixels. Then `outward` is square to the silhouette's line.
-  bool one_sided = false;
   int block = 0;  ///< of the image, see BlockIndex
 };
 
@@ -94,8 +91,8 @@ struct SensorPoints {
 SampledCloud SampleCloud(const SensorView& view);
 
 /// The labelled points of a view, without a cloud. Labels have at least `min_confidence`. There are
-/// at most RefineOptions::max_side_points, and at most max_edge_points silhouettes and as many
-/// one-sided ones again. The same view always gives the same points.
+/// at most RefineOptions::max_side_points, and at most max_edge_points silhouettes. The same view
+/// always gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options,
                           double min_confidence);

@@ -25,19 +25,8 @@ struct ConfidentSides {
   }
 };
 
-struct Silhouettes {
-  /// The depth behind the edge was measured, across a gap of a few pixels at most.
-  std::vector<EdgePoint> two_sided;
-  /// A wider gap follows, or nothing up to the border of the picture. The depth of the side itself
-  /// may be missing. So these are only points at which the side ends along a straight line. A hole
-  /// (the same plane goes on behind it) and a hidden part (the next depth is nearer) do not count.
-  /// Neither does the border of the picture with the band that some sensors leave empty. Only views
-  /// with few two-sided points along the same image axis have them.
-  std::vector<EdgePoint> one_sided;
-};
-
 /// Searches from every pixel of a side whose neighbour is not on it, across that border to where
-/// the side's surface ends.
-Silhouettes FindSilhouettes(const ConfidentSides& sides);
+/// the side's surface ends and a depth behind it was measured, across a gap of a few pixels at most.
+std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides);
 
 }  // namespace volalign

@@ -183,7 +183,6 @@ TEST(Silhouettes, LieOnTheEdgesOfTheirSides) {
     double sum = 0;
     int count = 0;
     for (const EdgePoint& edge : points[i].edge_points) {
-      if (edge.one_sided) continue;  // placed as if a sensor lost pixels: see silhouettes_test
       const Side& side = rig.structure.SideOfLabel(edge.label);
       const Eigen::Vector3d p = *rig.frames[i].ground_truth * edge.p;
       const double distance = OutsideOfSide(rig.structure, *rig.frames[i].ground_truth, edge);
@@ -291,39 +290,8 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
   EXPECT_GT(sampled(depth) + holes, sampled(rig.frames[0].depth) * 98 / 100);
 }
 
-// Silhouettes with nothing behind them: they lie on the edges of sides, and what only looks like
-// one is none.
-
-/// The structure before nothing.
-struct Frame {
-  Structure structure = PaperStructure();
-  Pose pose;
-  SyntheticView rendered;
-
-  explicit Frame(const Pose& from)
-      : pose(from), rendered(Render(structure, Kinect(), from, {false, 0})) {}
-
-  /// Takes depth and labels away where `gone(u, v)`.
-  template <class Gone>
-  void Erase(const Gone& gone) {
-    for (const auto [u, v] : Pixels(rendered.depth)) {
-      if (gone(u, v)) rendered.depth(u, v) = rendered.labels(u, v) = 0;
-    }
-  }
-  Silhouettes Find() const {
-    const SensorView view = MakeSensorView(rendered.depth, Kinect());
-    const SegmentationResult labels = Certain(rendered.labels);
-    return FindSilhouettes({view, labels, static_cast<std::size_t>(structure.num_classes()), 0.5});
-  }
-  double Outside(const EdgePoint& edge) const { return OutsideOfSide(structure, pose, edge); }
-  static Eigen::Vector2d Pixel(const EdgePoint& edge) {
-    return {Kinect().fx * edge.p.x() / edge.p.z() + Kinect().cx,
-            Kinect().fy * edge.p.y() / edge.p.z() + Kinect().cy};
-  }
-};
-
 // A plane that faces the sensor at 2 m ends behind column 180; after a gap, a wall at 3 m follows.
-TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
+TEST(Silhouettes, LieAQuarterOfTheGapBeyondHalfAPixel) {
   for (int gap = 0; gap <= 3; ++gap) {
     DepthImage depth(320, 288, 3.0f);
     LabelImage labels(320, 288, 0);
@@ -334,10 +302,11 @@ TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
     const SensorView view = MakeSensorView(depth, Kinect());
     const SegmentationResult certain = Certain(labels);
     std::size_t count = 0;
-    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2, 0.5}).two_sided) {
+    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2, 0.5})) {
       if (edge.axis != 0 || edge.outward.x() < 0) continue;
       ++count;
-      EXPECT_NEAR(Frame::Pixel(edge).x(), 180.5 + 0.25 * gap, 1e-3) << gap;
+      EXPECT_NEAR(Kinect().fx * edge.p.x() / edge.p.z() + Kinect().cx, 180.5 + 0.25 * gap, 1e-3)
+          << gap;
       EXPECT_NEAR(edge.p.z(), 2, 1e-5);
       EXPECT_NEAR(edge.pixel, 2 / Kinect().fx, 1e-6);
       // Anywhere in the pixels of the gap and one more.
@@ -345,107 +314,6 @@ TEST(TwoSided, LieAQuarterOfTheGapBeyondHalfAPixel) {
     }
     EXPECT_GT(count, 60u) << gap;
   }
-}
-
-// Gaps of 1 to 4 pixels, all of them at the side's cost.
-TEST(OneSided, LieOnTheEdgesOfTheirSides) {
-  for (const double phi : {20.0, 90.0, 215.0}) {
-    Frame frame(RingPose(phi));
-    LeaveGaps(&frame.rendered.depth, &frame.rendered.labels, 1, 4, 7);
-    const Silhouettes found = frame.Find();
-    ASSERT_GT(found.one_sided.size(), 60u) << phi;
-    double sum = 0;
-    std::size_t near = 0;
-    for (const EdgePoint& edge : found.one_sided) {
-      EXPECT_TRUE(edge.one_sided);
-      const double outside = frame.Outside(edge);
-      sum += outside / edge.pixel;
-      near += std::abs(outside) < 4 * edge.pixel ? 1 : 0;
-    }
-    const auto count = static_cast<double>(found.one_sided.size());
-    EXPECT_GT(static_cast<double>(near) / count, 0.95) << phi;
-    // 2.5 px are missing in the mean, of which 1.25 are expected.
-    EXPECT_LT(std::abs(sum / count), 2) << phi;
-  }
-}
-
-TEST(OneSided, TheirDirectionIsMeasured) {
-  const Frame frame(RingPose(70, 2.0, 0.4, 70));  // 20 deg askew in the picture
-  std::size_t square = 0;
-  const Silhouettes found = frame.Find();
-  for (const EdgePoint& edge : found.one_sided) {
-    const Side& side = frame.structure.SideOfLabel(edge.label);
-    const Eigen::Vector3d outward = frame.pose.linear() * edge.outward;
-    square += std::max(std::abs(outward.dot(side.axis_u)), std::abs(outward.dot(side.axis_v))) >
-                      std::cos(10 * M_PI / 180)
-                  ? 1
-                  : 0;
-  }
-  ASSERT_GT(found.one_sided.size(), 40u);
-  EXPECT_GT(static_cast<double>(square), 0.9 * static_cast<double>(found.one_sided.size()));
-}
-
-TEST(OneSided, AHoleInASideIsNone) {
-  Frame frame(RingPose(90));
-  // 14 px wide, where 24 px round about show one side.
-  const LabelImage& labels = frame.rendered.labels;
-  int at_u = 0, at_v = 0;
-  for (const auto [u, v] : Pixels({12, 12}, {308, 276}))
-    if (labels(u, v) > 0 && IsOneSide(labels, u, v, 12)) at_u = u, at_v = v;
-  ASSERT_GT(at_u, 0);
-  frame.Erase([&](int u, int v) { return std::abs(u - at_u) < 7 && std::abs(v - at_v) < 7; });
-  for (const EdgePoint& edge : frame.Find().one_sided) {
-    const Eigen::Vector2d from = Frame::Pixel(edge) - Eigen::Vector2d(at_u, at_v);
-    EXPECT_GT(from.cwiseAbs().maxCoeff(), 10) << from.transpose();
-  }
-}
-
-// The picture ends, or a sensor leaves a band along its border empty.
-TEST(OneSided, TheBorderOfThePictureIsNone) {
-  for (const int band : {0, 7}) {
-    Frame frame(RingPose(90, 1.0, 0.2));  // so near that the picture cuts the stack off
-    frame.Erase([&](int u, int) { return u < band || u >= 320 - band; });
-    int labelled = 0;
-    for (int v = 0; v < 288; ++v) labelled += frame.rendered.labels(band, v) > 0 ? 1 : 0;
-    ASSERT_GT(labelled, 20);
-    for (const EdgePoint& edge : frame.Find().one_sided) {
-      if (edge.axis != 0) continue;
-      const double u = Frame::Pixel(edge).x();
-      EXPECT_TRUE(u > band + 3 && u < 316 - band) << u;
-    }
-  }
-}
-
-// Something nearer hides a part of the stack, with a gap of 8 px round it.
-TEST(OneSided, WhatIsHiddenHasNone) {
-  Frame frame(RingPose(90));
-  frame.Erase([](int u, int) { return std::abs(u - 160) < 18; });
-  for (const auto [u, v] : Pixels({151, 0}, {170, 288})) frame.rendered.depth(u, v) = 1;
-  for (const EdgePoint& edge : frame.Find().one_sided) {
-    if (std::abs(Frame::Pixel(edge).x() - 160) < 24) {
-      EXPECT_LT(std::abs(frame.Outside(edge)), 5 * edge.pixel) << Frame::Pixel(edge).transpose();
-    }
-  }
-}
-
-// An Azure Kinect lights a hexagon, whose sides run at 30 deg to the picture's: nothing is seen
-// beyond them, and what ends there is no edge of the structure.
-TEST(OneSided, TheBorderOfTheLitFieldIsNoEdge) {
-  Frame frame(RingPose(90));
-  const auto lit = [](int u, int v) { return std::abs(u - 164) <= 130 - 0.58 * std::abs(v - 148); };
-  frame.Erase([&](int u, int v) { return !lit(u, v); });
-  refine_internal::FrameState sensor;
-  sensor.structure_from_sensor = frame.pose;
-  int on_border = 0, taken = 0;
-  for (const EdgePoint& edge : frame.Find().one_sided) {
-    const Eigen::Vector2d at = Frame::Pixel(edge);
-    const double margin = 130 - 0.58 * std::abs(at.y() - 148) - std::abs(at.x() - 164);
-    if (std::abs(margin) > 4 || std::abs(frame.Outside(edge)) < 4 * edge.pixel) continue;
-    ++on_border;
-    taken += EdgeUnder(frame.structure, sensor, edge, 0.15) >= 0 ? 1 : 0;
-  }
-  ASSERT_GT(on_border, 10);
-  EXPECT_LE(taken, on_border / 10);
 }
 
 // LikeliestEdge: tests/infer/calib/hypotheses_test.cc.
