@@ -1,6 +1,5 @@
 #include "infer/calib/joint_solution.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cstddef>
 #include <map>
@@ -24,11 +23,6 @@ namespace {
 /// Frames are labelled again while a sensor moves farther than this, m, so often at most.
 constexpr int kLabelRounds = 6;
 constexpr double kLabelsStay = 0.002;
-
-/// In so many rounds the frames' errors are fitted and disagreeing frames are found; both are then
-/// fixed. If two answers explain the frames about equally well, the labels of each round may call
-/// for the other one.
-constexpr int kFits = 4;
 
 /// Located frames, none of which contradicts the others about where the stack stood.
 struct Located {
@@ -83,6 +77,9 @@ SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const Refi
   return poses;
 }
 
+/// The frames' translations in a round, m.
+using Moves = SomeFrames<Eigen::Vector3d>;
+
 /// The poses' translations from the frames' starts, m.
 Moves MovesOf(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
   Moves moves;
@@ -108,20 +105,6 @@ SomeFrames<FrameInput> LabelledAt(const Seen& seen, SomeFrames<FrameInput> frame
     frame.start = pose;
     frame.points = PointsAt(seen, id, refined.placements[id.capture].built, pose, options);
   });
-  return frames;
-}
-
-/// The frames with their fitted errors, excluded or not as the refinement found.
-SomeFrames<FrameInput> WithErrors(SomeFrames<FrameInput> frames, const SomeFrames<Pose>& poses,
-                                  const RefineResult& refined) {
-  auto found = refined.frames.begin();
-  for (auto& [id, frame] : frames) {
-    if (poses.count(id) > 0) {
-      frame.noise = found->noise;
-      frame.excluded = found->refused_fit.has_value();
-    }
-    ++found;
-  }
   return frames;
 }
 
@@ -218,20 +201,6 @@ bool StandsStill(double moved_m, const RefinedFrame& refined) {
                                                               refined.covariance));
 }
 
-SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,
-                            const Moves& moves, const Moves& before) {
-  for (auto& [id, pose] : poses) {
-    const auto last = before.find(id);
-    if (last == before.end() || !(moves.at(id).dot(last->second) < 0)) continue;
-    const Pose& start = frames.at(id).start;
-    pose.translation() = (start.translation() + pose.translation()) / 2;
-    pose.linear() = Eigen::Quaterniond(start.linear())
-                        .slerp(0.5, Eigen::Quaterniond(pose.linear()))
-                        .toRotationMatrix();
-  }
-  return poses;
-}
-
 Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions& options,
                    const CalibrateProgress& progress, StageClock* clock) {
   const auto begin = [&](const char* stage) {
@@ -246,7 +215,6 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
   begin("all sensors together");
   SolveReport report;
   int labelled = 0;
-  Moves before;
   SomeFrames<FrameInput> frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
   RefineSetup setup(options.refine);
   for (;;) {
@@ -258,15 +226,13 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
-    Moves moves = MovesOf(frames, poses);
+    const Moves moves = MovesOf(frames, poses);
     report.moved_m = Largest(moves);
     if (!labels_stay(refined)) {  // label
-      const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
-      before = std::move(moves);
-      frames = LabelledAt(seen, std::move(frames), starts, refined, locate);
+      ++labelled;
+      frames = LabelledAt(seen, std::move(frames), poses, refined, locate);
       // Points are associated anew in each round.
       setup.schedule.associations = poses.size() == frames.size() ? 1 : options.refine.associations;
-      if (++labelled == kFits) frames = WithErrors(std::move(frames), poses, refined);
       continue;
     }
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);
@@ -284,7 +250,6 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
     located = Join(seen, Without(std::move(located.results), shapeless));
     frames = WithPriors(FramesToRefine(seen, located.results), located.priors);
     setup = RefineSetup(options.refine);
-    before.clear();
     labelled = 0;
   }
 }

@@ -40,22 +40,12 @@ struct Joint {
 /// Locate, once: each frame by itself, then with its prior, then by its neighbours, then where the
 /// stack stood in each capture. Refine: see Refine; it is linear in the lenses, about those that
 /// planes gave. Label: the stack and poses that were found label the points anew. The origin of the
-/// first labels, a network or geometry, then makes little difference. A frame that turns back
-/// begins the next round half way (NextStarts). Drop: a frame that geometry alone has located may
-/// move to where its view does not have the structure's shape (ShapeLogOdds). It is then no longer
-/// located (no_structure), and the others are solved again from their first poses. Joint::report
-/// says whether the limit of rounds was reached.
+/// first labels, a network or geometry, then makes little difference. Drop: a frame that geometry
+/// alone has located may move to where its view does not have the structure's shape (ShapeLogOdds).
+/// It is then no longer located (no_structure), and the others are solved again from their first
+/// poses. Joint::report says whether the limit of rounds was reached.
 Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions& options,
                    const CalibrateProgress& progress, StageClock* clock);
-
-/// The frames' translations in a round, m.
-using Moves = SomeFrames<Eigen::Vector3d>;
-
-/// The frames' starts in the next round: the found poses, but half way to them for a frame that
-/// reverses its move `before`. A frame whose labels ask at each of two places for the other would
-/// else go to and fro. `moves`: from the frames' starts to `poses`.
-SomeFrames<Pose> NextStarts(const SomeFrames<FrameInput>& frames, SomeFrames<Pose> poses,
-                            const Moves& moves, const Moves& before);
 
 /// Has a round moved a frame by less than its largest standard deviation of position, or less than
 /// 2 mm?

@@ -265,7 +265,7 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     for (std::size_t i = 0; i < problem.size(); ++i) {
       if (agreed.solution.fixed[i]) continue;
       agreed.measured[i] = measured[i];
-      if (settled[i] || !problem.frames[i].excluded.value_or(IsOdd(problem, agreed, i))) continue;
+      if (settled[i] || !IsOdd(problem, agreed, i)) continue;
       if (!worst || measured[i].cost > measured[*worst].cost) worst = i;
     }
     if (!worst) break;

@@ -8,7 +8,6 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/refine/noise_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/overlap.h"
 #include "infer/refine/parameters.h"
@@ -30,12 +29,6 @@ struct FrameInput {
   /// A prior of the pose first_from_sensor. Its world is brought near the structure frame of the
   /// first capture; what PosePrior::world leaves open is estimated.
   std::optional<PosePrior> prior = {};
-  /// The noise that an earlier refinement fitted (RefinedFrame::noise), to be kept. Nothing: it is
-  /// fitted.
-  std::optional<refine_internal::NoiseModel> noise = {};
-  /// Whether an earlier refinement excluded the frame (RefinedFrame::refused_fit), to be kept.
-  /// Nothing: the refinement decides.
-  std::optional<bool> excluded = {};
 };
 
 namespace refine_internal {

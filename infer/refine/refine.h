@@ -7,6 +7,7 @@
 
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
+#include "infer/refine/noise_model.h"
 #include "infer/refine/options.h"
 #include "infer/refine/problem.h"
 #include "infer/refine/sensor_points.h"
@@ -47,7 +48,7 @@ struct RefinedFrame {
   double sigma_depth_offset = 0, sigma_depth_gain = 0;
   /// Logarithm of its sensor's own factor on the focal length of its lens; 0 if not estimated.
   double own_focal = 0;
-  refine_internal::NoiseModel noise;  ///< fitted, or FrameInput::noise
+  refine_internal::NoiseModel noise;  ///< as fitted
 };
 
 /// A box's displacement: it stands at T * structure_from_box. T is a turn about the vertical

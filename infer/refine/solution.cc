@@ -24,17 +24,11 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
     observed[i].noise = UsualNoise(problem.KindOf(i));
   const Gates gates;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
-    const std::optional<NoiseModel>& earlier = problem.frames[i].noise;
-    if (earlier) observed[i].noise = *earlier;
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, gates, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
-    if (earlier) {
-      SetCovariance(problem.model, state.poses[i].ToPose(), &observed[i]);
-    } else {
-      FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
-               problem.PriorsOf(i), &observed[i]);
-    }
+    FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
+             problem.PriorsOf(i), &observed[i]);
   });
   return observed;
 }

@@ -79,31 +79,6 @@ TEST(StandsStill, WhereAFrameMovesByLessThanItsPositionIsKnownTo) {
   }
 }
 
-// One goes on, one turns back, one has just begun to move.
-TEST(NextStarts, AreHalfWayForFramesThatTurnBack) {
-  const FrameId on{0, 0}, back{0, 1}, fresh{1, 0};
-  SomeFrames<FrameInput> frames;
-  SomeFrames<Pose> poses;
-  Moves moves, before;
-  for (const FrameId id : {on, back, fresh}) {
-    frames[id].start = RingPose(40);
-    poses[id] = Pose(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY())) * RingPose(40);
-    moves[id] = poses[id].translation() - frames[id].start.translation();
-  }
-  before[on] = moves[on];
-  before[back] = -0.5 * moves[back];
-  const SomeFrames<Pose> starts = NextStarts(frames, poses, moves, before);
-  ASSERT_EQ(starts.size(), 3u);
-  for (const FrameId id : {on, fresh})
-    EXPECT_EQ(starts.at(id).matrix(), poses.at(id).matrix()) << id.capture << " " << id.frame;
-  const Pose& middle = starts.at(back);
-  for (const Pose& end : {frames.at(back).start, poses.at(back)}) {
-    const PoseError apart = ComparePoses(middle, end);
-    EXPECT_NEAR(apart.translation_m, moves.at(back).norm() / 2, 1e-12);
-    EXPECT_NEAR(apart.rotation_deg, 0.01 * 180 / M_PI, 1e-9);
-  }
-}
-
 // Results of single captures, made by hand, and what they say together.
 
 Pose At(double x) { return MakePose({0, 0, 0}, {x, 0, 0}); }

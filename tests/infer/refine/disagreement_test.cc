@@ -256,15 +256,6 @@ TEST(ExcludeDisagreeing, AsksAboutTheBoxesUnlessTheyAreKnownExactly) {
   EXPECT_EQ(OddOne(0.04, known_size).Excluded(), (std::vector<bool>{true, false, false}));
 }
 
-TEST(ExcludeDisagreeing, KeepsExcludedWhatWasExcludedEarlier) {
-  for (const bool last : {false, true}) {
-    OddOne scene(0.04);
-    for (std::size_t i = 0; i < 3; ++i) scene.frames[i].excluded = last && i == 2;
-    scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options);
-    EXPECT_EQ(scene.Excluded(), (std::vector<bool>{false, false, last}));
-  }
-}
-
 TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   OddOne scene(0.04);
   for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
@@ -280,10 +271,9 @@ TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
 TEST(ExcludeDisagreeing, OneThatCannotBeSolvedAloneDoesNotHideAnother) {
   OddOne scene(0.08, {}, {35, 70, 180, 250, 310});
   scene.solution.observed[1] = scene.Saw(1, -0.04);
-  // Points whose errors are no numbers.
+  // Points through a lens that is no number.
   SensorPoints spoilt;
-  scene.frames[0].noise = scene.solution.observed[0].noise;
-  scene.frames[0].noise->depth.smooth_m = std::nan("");
+  spoilt.lens.fill(std::nan(""));
   const Side& side = scene.structure.SideOfLabel(1);
   for (const double along : {-0.01, 0.0, 0.01}) {
     SidePoint point;

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "core/base/random.h"
-#include "infer/refine/noise.h"
 #include "infer/refine/solution.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/refine/points_and_observations.h"
@@ -132,11 +131,10 @@ TEST(Refine, FindsADepthOffset) {
 }
 
 TEST(Refine, ASensorThatCannotBeSolvedCostsTheOthersNothing) {
-  const Neighbours made;
+  Neighbours made;
   const Rig& rig = made.rig;
-  std::vector<FrameInput> frames = DisplacedFrames(rig, made.points, 0.01, 0.5);
-  frames[0].noise = refine_internal::UsualNoise("");
-  frames[0].noise->depth.white_m = frames[0].noise->depth.smooth_m = std::nan("");
+  made.points[0].lens.fill(std::nan(""));
+  const std::vector<FrameInput> frames = DisplacedFrames(rig, made.points, 0.01, 0.5);
   const RefineResult result = Refine(rig.structure, frames, {});
   EXPECT_FALSE(result.frames[0].solved);
   EXPECT_NE(result.frames[0].problem, "");

@@ -195,25 +195,5 @@ TEST(HoldFrame, LeavesNoErrors) {
   EXPECT_EQ(solution.state.errors[1][kDiffuseMultipath], 0.001) << "another frame";
 }
 
-TEST(GatherObservations, KeepsErrorsThatWereFittedEarlier) {
-  Neighbours made;
-  const auto gather = [&] {
-    const JointProblem problem(made.rig.structure, made.frames, RefineOptions());
-    return GatherObservations(problem, NominalState(made.rig.structure, made.poses),
-                              AskedFor({}, problem.priors, 2), {});
-  };
-  const std::vector<FrameObservations> fitted = gather();
-  for (const std::size_t i : {0, 1}) made.frames[i].noise = fitted[i].noise;
-  const std::vector<FrameObservations> same = gather();
-  for (const std::size_t i : {0, 1}) {
-    EXPECT_GT(same[i].face_root.rows(), 0);
-    EXPECT_TRUE(same[i].face_root.isApprox(fitted[i].face_root, 1e-12)) << "by the same errors";
-    made.frames[i].noise->depth.smooth_m *= 2;
-  }
-  const std::vector<FrameObservations> kept = gather();
-  for (const std::size_t i : {0, 1})
-    EXPECT_EQ(kept[i].noise.depth.smooth_m, 2 * fitted[i].noise.depth.smooth_m) << "not fitted";
-}
-
 }  // namespace
 }  // namespace volalign::refine_internal::solver_test
