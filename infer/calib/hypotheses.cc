@@ -13,7 +13,6 @@
 #include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
 #include "core/geometry/camera.h"
-#include "infer/checks/verification.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/view/alike.h"
@@ -27,6 +26,8 @@ namespace {
 constexpr double kScaleStep = 1.05;
 /// Most frames in which a scale is searched for, and most exchanges.
 constexpr std::size_t kMostSearched = 2, kMostExchanges = 3;
+/// Error of a focal length, relative, from which on a pose is decimetres off.
+constexpr double kFarOffIntrinsics = 0.08;
 /// m: least median depth of a frame that shows a structure in a room.
 constexpr double kNearestMedian = 0.5;
 /// Units of cameras and data sets, m. A scale within kUsually of one of them is rounded to it.

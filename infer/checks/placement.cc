@@ -9,7 +9,6 @@
 
 #include "core/base/parallel_for.h"
 #include "infer/checks/hints.h"
-#include "infer/checks/intrinsics_check.h"
 #include "infer/checks/prior_use.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/agreement.h"
@@ -20,21 +19,6 @@
 namespace volalign {
 
 namespace {
-
-/// Agreement of many sides with the structure below which other intrinsics are tried.
-constexpr double kSuspiciousScore = 0.85;
-
-/// Other intrinsics with which many sides that fit the structure badly would fit it.
-std::optional<BetterIntrinsics> CheckIntrinsics(const SensorView& view,
-                                                const Intrinsics& intrinsics,
-                                                const Labelled& labelled,
-                                                const Structure& structure,
-                                                const LocateOptions& options) {
-  const InitialPose& initial = labelled.initial;
-  const bool fits = initial.found && initial.agreement.score() >= kSuspiciousScore;
-  if (fits || !SeesManySides(initial.patches)) return std::nullopt;
-  return FindBetterIntrinsics(view, intrinsics, labelled.segmentation, structure, options.initial);
-}
 
 struct OwnPose {
   Pose structure_from_sensor = Pose::Identity();
@@ -114,8 +98,6 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   const SensorView& view = seen.views[id];
   const Labelled& labelled = seen.labelled[id];
   const InitialPose& initial = labelled.initial;
-  const std::optional<BetterIntrinsics> better =
-      CheckIntrinsics(view, seen.lenses.Effective(id), labelled, structure, options);
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial);
 
@@ -124,8 +106,7 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   const LocateFacts facts{ExplainView(view, labelled.ByNetwork(), structure, pose,
                                       options.refine.box_sigma_m, kLeastConfidence),
                           ConfirmedLabels(view, initial.patches, structure, pose),
-                          LargestSigmaPosition(pose, own.covariance), &initial,
-                          better ? &*better : nullptr};
+                          LargestSigmaPosition(pose, own.covariance), &initial};
   if (std::optional<Finding> failure = VerifyOwnPose(facts, structure, options.verdict)) {
     return *std::move(failure);
   }
@@ -139,7 +120,6 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   located.own_pose = pose;
   located.covariance = own.covariance;
   located.points = PointsAt(seen, id, structure, pose, options);
-  if (better) located.suspect_intrinsics = SuspectIntrinsics(*better);
   return located;
 }
 

@@ -35,7 +35,6 @@ struct Seen {
 struct LocatedFrame {
   Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
   std::shared_ptr<const SensorPoints> points;  ///< labelled by the own pose
-  std::optional<Finding> suspect_intrinsics;   ///< other intrinsics fit clearly better
   /// ShapeLogOdds, if geometry alone has found the pose.
   std::optional<double> shape_log_odds;
   std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h

@@ -67,7 +67,6 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                    fmt::format("{} has the same depth map", facts.same_depth_as),
                    "check which of the two it belongs to"};
   }
-  if (facts.suspect_intrinsics) return facts.suspect_intrinsics;
   if (facts.suspect_lens) return facts.suspect_lens;
   if (facts.by_neighbours) return facts.by_neighbours;
   if (!facts.other_pose.empty()) {

@@ -8,7 +8,6 @@
 #include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "infer/checks/free_space.h"
-#include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/pose_quality.h"
 #include "infer/refine/refine.h"
@@ -69,7 +68,6 @@ struct VerdictFacts {
   std::string unsolved;                              ///< RefinedFrame::problem
   std::optional<ContradictedSensors> contradiction;  ///< of other sensors
   std::string same_depth_as;                         ///< a sensor with the same depth map, or empty
-  std::optional<Finding> suspect_intrinsics;         ///< where others fit better
   std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
   std::optional<Finding> by_neighbours;              ///< LocatedFrame::by_neighbours
   std::string other_pose;                            ///< Labelled::other_pose

@@ -31,7 +31,6 @@ bool Refutes(double log_odds) { return -log_odds >= std::log(kDecisiveOdds); }
 
 /// Explains why a pose does not explain the view.
 Finding ExplainMisfit(const LocateFacts& facts) {
-  if (facts.better_intrinsics) return SuspectIntrinsics(*facts.better_intrinsics);
   const ViewExplanation& view = facts.explanation;
   std::string shares = fmt::format(
       "at the best pose the sensor looks through {:.0f} % of the places where boxes should be",
@@ -84,15 +83,6 @@ Finding ExplainMissingShape() {
           "intrinsics and depth_scale"};
 }
 
-Finding SuspectIntrinsics(const BetterIntrinsics& better) {
-  return {SensorCode::kIntrinsicsSuspect,
-          fmt::format("its sides fit the structure {:.0f} % better with {} (labels and depth agree "
-                      "on {:.0f} % of the structure, {:.0f} % as given)",
-                      100 * (better.score / std::max(better.given_score, 0.01) - 1), better.change,
-                      100 * better.score, 100 * better.given_score),
-          "give the intrinsics of this sensor at this resolution and orientation"};
-}
-
 bool IsRefuted(const ViewExplanation& explanation) {
   const double by_depth = explanation.LogOddsByDepth();
   return Refutes(by_depth) ||
@@ -114,8 +104,6 @@ std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& 
                                CountSides(facts.confirmed.size()), facts.sigma_position_m),
                    kLookHint};
   }
-  if (facts.better_intrinsics && facts.better_intrinsics->size >= kFarOffIntrinsics)
-    return SuspectIntrinsics(*facts.better_intrinsics);
   return std::nullopt;
 }
 

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/geometry/structure.h"
-#include "infer/checks/intrinsics_check.h"
 #include "infer/checks/outcome.h"
 #include "infer/checks/verdict.h"
 #include "infer/depth/explain_view.h"
@@ -13,9 +12,6 @@
 #include "infer/initial/side_patch.h"
 
 namespace volalign {
-
-/// Error of the intrinsics, in focal lengths, from which on a pose is decimetres off.
-inline constexpr double kFarOffIntrinsics = 0.08;
 
 /// Sides that the network is sure of.
 struct SureSides {
@@ -40,7 +36,6 @@ struct LocateFacts {
   std::vector<int> confirmed;   ///< ConfirmedLabels at the own pose
   double sigma_position_m = 0;  ///< LargestSigmaPosition of the own pose
   const InitialPose* initial = nullptr;
-  const BetterIntrinsics* better_intrinsics = nullptr;  ///< null: none fit better
 };
 
 /// Would a wrong pose explain the view's depths decisively better (kDecisiveOdds), or depths and
@@ -51,8 +46,5 @@ bool IsRefuted(const ViewExplanation& explanation);
 /// Nothing if the view is consistent with the sensor's own pose, else why the sensor is not placed.
 std::optional<Finding> VerifyOwnPose(const LocateFacts& facts, const Structure& structure,
                                      const VerdictOptions& options);
-
-/// intrinsics_suspect, with the intrinsics that would fit better.
-Finding SuspectIntrinsics(const BetterIntrinsics& better);
 
 }  // namespace volalign

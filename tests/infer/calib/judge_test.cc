@@ -187,11 +187,6 @@ TEST(Judge, APoseIsWeakByWhatIsItsOwn) {
               for (std::size_t i = 0; i < depth.size(); i += 4) depth[i] *= 1.1F;
             }),
             SensorCode::kFewInliers);
-  EXPECT_EQ(code([](Stages* stages) {
-              std::get<LocatedFrame>(stages->joint.located[{0, 2}]).suspect_intrinsics =
-                  Finding{SensorCode::kIntrinsicsSuspect, "", ""};
-            }),
-            SensorCode::kIntrinsicsSuspect);
   EXPECT_EQ(
       code([](Stages* stages) { stages->capture.captures[0].frames[2].typical_intrinsics = true; }),
       SensorCode::kTypicalIntrinsics);

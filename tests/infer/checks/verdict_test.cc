@@ -63,11 +63,6 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
          e->by_neighbours = Finding{SensorCode::kByNeighbours, "shared with S2", "more sides"};
        },
        "shared with S2"},
-      {SensorCode::kIntrinsicsSuspect,
-       [](VerdictFacts* e) {
-         e->suspect_intrinsics = Finding{SensorCode::kIntrinsicsSuspect, "fx = 300", "hint"};
-       },
-       "fx = 300"},
       {SensorCode::kDuplicateDepth, [](VerdictFacts* e) { e->same_depth_as = "KA04"; }, "KA04"},
       {SensorCode::kUnsolved, [](VerdictFacts* e) { e->unsolved = "no solution"; }, "no solution"},
   };

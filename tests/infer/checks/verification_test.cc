@@ -30,7 +30,6 @@ SidePatch Patch(double area, double confidence) {
 struct AtTheLimits {
   Structure structure = PaperStructure();
   InitialPose initial;
-  BetterIntrinsics better;
   LocateFacts facts;
 
   AtTheLimits() {
@@ -41,11 +40,6 @@ struct AtTheLimits {
     for (const char* name : {"bottom/front", "mid_bottom/right", "top/up"})
       facts.confirmed.push_back(LabelOf(structure, name));
     facts.sigma_position_m = 0.25;
-    better.change = "fx = 300.0, fy = 300.0";
-    better.given_score = 0.5;
-    better.score = 0.75;
-    better.size = 0.079;
-    facts.better_intrinsics = &better;
   }
   /// Four sides that the network is sure of, 0.6 m^2 together.
   void SeeManySides() { initial.patches.assign(4, Patch(0.15, 0.9)); }
@@ -86,7 +80,6 @@ TEST(VerifyOwnPose, EveryLimitCounts) {
   };
   for (const Case& c : cases) {
     AtTheLimits sensor;
-    sensor.facts.better_intrinsics = nullptr;
     c.spoil(&sensor.facts);
     const std::optional<Finding> finding = sensor.Verify();
     ASSERT_TRUE(finding.has_value()) << c.words;
@@ -99,7 +92,6 @@ TEST(VerifyOwnPose, EveryLimitCounts) {
 TEST(VerifyOwnPose, ManySidesThatDoNotFitAreInconsistent) {
   for (const auto& spoil : {SeeThrough, NameOtherwise}) {
     AtTheLimits sensor;
-    sensor.facts.better_intrinsics = nullptr;
     spoil(&sensor.facts);
     EXPECT_EQ(sensor.Verify()->code, SensorCode::kNoStructure);
     sensor.SeeManySides();
@@ -122,24 +114,6 @@ TEST(VerifyOwnPose, DepthsAndLabelsTogetherHaveToSpeakForThePose) {
   EXPECT_TRUE(IsRefuted(view));
   view.named_so = view.named_otherwise = 0;
   EXPECT_FALSE(IsRefuted(view)) << "depths alone have to have odds of 100";
-}
-
-TEST(VerifyOwnPose, IntrinsicsThatFitBetterAreNamed) {
-  // A pose that stands all the same: only intrinsics that are far off make it fail.
-  AtTheLimits sensor;
-  sensor.better.size = 0.08;
-  std::optional<Finding> finding = sensor.Verify();
-  ASSERT_TRUE(finding.has_value());
-  EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
-  EXPECT_TRUE(Has(finding->reason, "50 % better with fx = 300.0, fy = 300.0"));
-  EXPECT_TRUE(Has(finding->reason, "75 % of the structure, 50 % as given"));
-  // One that does not is explained by them, however little they change.
-  sensor.better.size = 0.03;
-  ASSERT_FALSE(sensor.Verify().has_value());
-  NameOtherwise(&sensor.facts);
-  finding = sensor.Verify();
-  ASSERT_TRUE(finding.has_value());
-  EXPECT_EQ(finding->code, SensorCode::kIntrinsicsSuspect);
 }
 
 TEST(SeesManySides, CountsSidesThatTheNetworkIsSureOf) {
