@@ -91,7 +91,8 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
   const std::optional<Finding> weakness = FindWeakness(
       {*sensor, pose, sensor->covariance, refined.problem, contradiction,
-       joint.seen.depths[id].same_depth_as, suspect_lens, located.by_neighbours, labelled.other_pose,
+       joint.seen.depths[id].same_depth_as, suspect_lens, located.by_neighbours,
+       labelled.other_pose,
        labelled.alternatives.empty() ? 0 : labelled.alternatives.front().log_odds,
        labelled.floor_would_tell, free_space_violation, frame.quarter_turns != kAutoTurns,
        located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},

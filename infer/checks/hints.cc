@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
+#include <vector>
 
 #include "infer/view/alike.h"
 
@@ -38,30 +38,22 @@ std::vector<int> CuttingBorders(const LabelImage& labels) {
 
 }  // namespace
 
-std::optional<int> UprightTurnsOfNetwork(const std::vector<std::pair<Pose, int>>& placed) {
-  std::array<int, 4> votes{};
-  for (const auto& [pose, quarter_turns] : placed)
-    ++votes[static_cast<std::size_t>((UprightTurns(pose) - quarter_turns + 4) % 4)];
-  const auto most = std::max_element(votes.begin(), votes.end());
-  if (*most == 0) return std::nullopt;
-  return static_cast<int>(most - votes.begin());
-}
-
-std::string MoveHint(const LabelImage& labels, std::optional<int> upright_turns) {
+std::string MoveHint(const LabelImage& labels) {
   const std::vector<int> cut = CuttingBorders(labels);
   if (cut.empty()) {
     return "move the sensor round the structure to the left or right, or up, until it sees sides "
            "of two orientations or more";
   }
-  if (cut.size() > 1 || !upright_turns) {
+  if (cut.size() > 1) {
     return "move the sensor further away, or turn it so that it sees most of the structure: the "
            "image border cuts the structure off";
   }
-  // Turning the picture clockwise sends its left border to the top.
-  static constexpr const char* kNames[] = {"to the left", "up", "to the right", "down"};
+  static constexpr const char* kNames[] = {"left", "upper", "right", "lower"};
   return fmt::format(
-      "turn the sensor {}, or move it further away: the image border cuts the structure off",
-      kNames[(cut.front() + *upright_turns) % 4]);
+      "the {} border of its picture cuts the structure off: turn the sensor so that it sees what "
+      "is "
+      "beyond that border, or move it further away",
+      kNames[cut.front()]);
 }
 
 }  // namespace volalign

@@ -156,23 +156,6 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
   return std::make_pair(std::move(located), std::move(labelled));
 }
 
-/// Adds where to move sensors that see too few sides, with the orientation of the others.
-void GiveMoveHints(const std::vector<Labelled>& labelled, std::vector<LocateResult>* results) {
-  std::vector<std::pair<Pose, int>> located;
-  for (std::size_t i = 0; i < labelled.size(); ++i) {
-    if (const auto* frame = std::get_if<LocatedFrame>(&(*results)[i]))
-      located.emplace_back(frame->own_pose, labelled[i].quarter_turns);
-  }
-  const std::optional<int> network = UprightTurnsOfNetwork(located);
-  for (std::size_t i = 0; i < labelled.size(); ++i) {
-    auto* failure = std::get_if<Finding>(&(*results)[i]);
-    if (!failure || failure->code != SensorCode::kDegenerateSides) continue;
-    std::optional<int> upright;
-    if (network) upright = *network + labelled[i].quarter_turns;
-    failure->hint = MoveHint(labelled[i].segmentation.labels, upright);
-  }
-}
-
 }  // namespace
 
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
@@ -197,21 +180,20 @@ std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
 
 PerFrame<LocateResult> LocateAlone(const Seen& seen, const StackFinding& stack,
                                    const LocateOptions& options) {
-  PerFrame<LocateResult> results =
-      MapFrames(seen.views, options.threads, [&](FrameId id) -> LocateResult {
-        if (const std::optional<Finding>& failure = seen.depths[id].failure) return *failure;
-        const std::optional<AssemblyReport>& assembly = stack[id.capture];
-        if (assembly && Contains(assembly->mirrored_frames, id.frame)) return MirroredFrame();
-        const bool altered = assembly && assembly->altered();
-        if (altered && Contains(assembly->seen_by, id.frame)) return ExplainAlteredStack(*assembly);
-        LocateResult result = LocateByItself(seen, id, options);
-        if (altered && std::holds_alternative<LocatedFrame>(result))
-          return ExplainAlteredStack(*assembly);
-        return result;
-      });
-  for (std::size_t capture = 0; capture < results.captures(); ++capture)
-    GiveMoveHints(seen.labelled.OfCapture(capture), &results.OfCapture(capture));
-  return results;
+  return MapFrames(seen.views, options.threads, [&](FrameId id) -> LocateResult {
+    if (const std::optional<Finding>& failure = seen.depths[id].failure) return *failure;
+    const std::optional<AssemblyReport>& assembly = stack[id.capture];
+    if (assembly && Contains(assembly->mirrored_frames, id.frame)) return MirroredFrame();
+    const bool altered = assembly && assembly->altered();
+    if (altered && Contains(assembly->seen_by, id.frame)) return ExplainAlteredStack(*assembly);
+    LocateResult result = LocateByItself(seen, id, options);
+    if (altered && std::holds_alternative<LocatedFrame>(result))
+      return ExplainAlteredStack(*assembly);
+    auto* failure = std::get_if<Finding>(&result);
+    if (failure && failure->code == SensorCode::kDegenerateSides)
+      failure->hint = MoveHint(seen.labelled[id].segmentation.labels);
+    return result;
+  });
 }
 
 PerFrame<LocateResult> LocateByPriors(PerFrame<LocateResult> results, const LocateOptions& options,
