@@ -7,17 +7,8 @@
 #include "core/geometry/structure.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
-#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
-
-/// The largest distances and angle at which things count as the same. Overlap that has to fix
-/// poses, where the structure does not, may be farther apart: see pair_overlap.cc.
-struct Gates {
-  double side = 2 * kRoughPose;   ///< m, distance of a labelled point to its side
-  double overlap = kSamePlace;    ///< m, distance of matched points of two sensors
-  double min_cosine = kOnePlane;  ///< between their normals
-};
 
 /// The nearest edge of the side within `gate`, m, of a silhouette point p: an index of
 /// Side::BorderAt. The edge's direction has to agree with `outward`. Structure frame. -1 if there

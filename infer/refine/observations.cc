@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "core/base/statistics.h"
+#include "infer/refine/association.h"
 #include "infer/refine/residuals.h"
 #include "infer/view/alike.h"
 
@@ -15,7 +16,8 @@ namespace volalign::refine_internal {
 
 namespace {
 
-constexpr std::size_t kFewest = 3;  // points of an observation on a face
+constexpr double kSideGate = 2 * kRoughPose;  // m, of a labelled point from its side
+constexpr std::size_t kFewest = 3;            // points of an observation on a face
 /// Errors of neighbouring pixels are alike over a pixel or two: a mean of n has the variance of n /
 /// 2.
 constexpr double kPixelsPerError = 2;
@@ -153,19 +155,18 @@ Eigen::VectorXd RobustResiduals(const BuildModel& model, const FrameObservations
 }  // namespace
 
 void GatherObservations(const Structure& nominal, const State& state, std::size_t frame,
-                        const SensorPoints& points, const Gates& gates,
-                        FrameObservations* observed) {
+                        const SensorPoints& points, FrameObservations* observed) {
   const Structure& built = state.Built(frame);
   const FrameState sensor = state.Frame(frame);
   std::map<std::pair<int, int>, std::vector<const SidePoint*>> faces;  // by label and block
   for (const SidePoint& point : points.side_points) {
-    if (LiesOnItsSide(built, sensor, point, gates.side))
+    if (LiesOnItsSide(built, sensor, point, kSideGate))
       faces[{point.label, point.block}].push_back(&point);
   }
   // By label, edge, block and axis.
   std::map<std::array<int, 4>, std::vector<const EdgePoint*>> lines;
   for (const EdgePoint& edge : points.edge_points) {
-    const int border = EdgeUnder(built, sensor, edge, gates.side);
+    const int border = EdgeUnder(built, sensor, edge, kSideGate);
     if (border >= 0) lines[{edge.label, border, edge.block, edge.axis}].push_back(&edge);
   }
   observed->lens = points.lens;

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/geometry/structure.h"
-#include "infer/refine/association.h"
 #include "infer/refine/frame_observations.h"
 #include "infer/refine/parameters.h"
 #include "infer/refine/sensor_points.h"
@@ -16,8 +15,7 @@ namespace volalign::refine_internal {
 /// edge). `nominal`: the structure as described; `state` has it as built. Replaces observed->faces
 /// and ->edges and keeps its noise model.
 void GatherObservations(const Structure& nominal, const State& state, std::size_t frame,
-                        const SensorPoints& points, const Gates& gates,
-                        FrameObservations* observed);
+                        const SensorPoints& points, FrameObservations* observed);
 
 /// Widens the variances of observations that lie much farther off than the sensor's others. A
 /// robust fit of this sensor alone shows them.

@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "core/base/parallel_for.h"
-#include "infer/refine/association.h"
 #include "infer/refine/overlap.h"
 #include "infer/refine/pair_overlap.h"
 #include "infer/refine/solution.h"
 #include "infer/refine/terms.h"
+#include "infer/view/alike.h"
 
 namespace volalign::refine_internal {
 
@@ -177,7 +177,6 @@ double PredictedSquares(const std::array<OverlapEnd, 2>& ends,
 std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& agreed,
                                      const Posterior& posterior,
                                      const std::vector<RefinedFrame>& frames) {
-  const Gates gates;
   const State& state = agreed.solution.state;
   std::vector<std::vector<int>> chosen(problem.size());
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
@@ -201,7 +200,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
     pair.covariance = both.block<6, 6>(0, 0) + both.block<6, 6>(kOfFrame, kOfFrame) -
                       both.block<6, 6>(0, kOfFrame) - both.block<6, 6>(kOfFrame, 0);
     const std::array<OverlapEnd, 2> ends = {end(i), end(j)};
-    const SharedPoints shared = FindShared(ends[0], ends[1], gates.overlap, gates.min_cosine);
+    const SharedPoints shared = FindShared(ends[0], ends[1], kSamePlace, kOnePlane);
     pair.overlap = shared.overlap;
     pair.rms = pair.predicted_rms = std::numeric_limits<double>::quiet_NaN();
     if (!shared.IsPair(problem.setup.schedule.min_overlap)) return;

@@ -38,7 +38,7 @@ struct EdgePoint {
   double sigma = 0;
   double pixel = 0;  ///< m across the edge in the side's plane that one pixel covers
   int label = 0;
-  int axis = 0;  ///< 0: found along an image row, 1: along a column
+  int axis = 0;   ///< 0: found along an image row, 1: along a column
   int block = 0;  ///< of the image, see BlockIndex
 };
 

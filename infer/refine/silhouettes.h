@@ -26,7 +26,8 @@ struct ConfidentSides {
 };
 
 /// Searches from every pixel of a side whose neighbour is not on it, across that border to where
-/// the side's surface ends and a depth behind it was measured, across a gap of a few pixels at most.
+/// the side's surface ends and a depth behind it was measured, across a gap of a few pixels at
+/// most.
 std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides);
 
 }  // namespace volalign

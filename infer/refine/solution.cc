@@ -4,7 +4,6 @@
 
 #include "core/base/parallel_for.h"
 #include "core/geometry/sensor_kind.h"
-#include "infer/refine/association.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
@@ -22,10 +21,9 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   observed.resize(problem.size());
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
-  const Gates gates;
   ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
     observed[i].noise.line = LineTolerance(free);
-    GatherObservations(problem.structure, state, i, *problem.frames[i].points, gates, &observed[i]);
+    GatherObservations(problem.structure, state, i, *problem.frames[i].points, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
     FitNoise(problem.model, UsualNoise(problem.KindOf(i)).depth, state.Parameters(i),
              problem.PriorsOf(i), &observed[i]);

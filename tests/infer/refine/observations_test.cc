@@ -47,8 +47,7 @@ struct Block {
   }
   FrameObservations Gather() const {
     FrameObservations observed;
-    GatherObservations(structure, NominalState(structure, {pose}), 0, points, {0.06, 0.02, 0.9},
-                       &observed);
+    GatherObservations(structure, NominalState(structure, {pose}), 0, points, &observed);
     return observed;
   }
 };
