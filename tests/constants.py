@@ -24,8 +24,8 @@ LIMITS = {
     "infer/lens": 29,
     "infer/depth": 21,
     "infer/initial": 62,
-    "infer/refine": 46,
-    "infer/checks": 31,
+    "infer/refine": 42,
+    "infer/checks": 23,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 14,
 }
