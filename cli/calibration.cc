@@ -175,9 +175,9 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
       "the structure: .yaml, or a mesh (.glb, .gltf, .obj, .stl, .ply). Without it: that "
       "of the capture, else that of the model");
   app->add_option("--initial", request->initial,
-                  "source of initial poses: network, geometry, auto (the default: geometry, and "
-                  "the network if there is a model), or paper (the paper's estimator)")
-      ->check(CLI::IsMember({"auto", "network", "geometry", "paper"}));
+                  "source of initial poses: network, geometry, or auto (the default: geometry, and "
+                  "the network if there is a model)")
+      ->check(CLI::IsMember({"auto", "network", "geometry"}));
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");

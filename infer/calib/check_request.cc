@@ -92,8 +92,7 @@ CaptureSet CheckRequest(std::vector<Capture> captures, Structure structure,
                         const CalibrateOptions& options, bool model) {
   ValidateConfig(options);
   ParseEstimate(options.refine.estimate);
-  const PoseMethod method = options.initial.method;
-  if (!model && (method == PoseMethod::kNetwork || method == PoseMethod::kPaper)) {
+  if (!model && options.initial.method == PoseMethod::kNetwork) {
     throw ConfigError(
         "initial.method asks for the labels of a network, and there is no model; give one "
         "(--model), or choose geometry");

@@ -12,8 +12,8 @@
 #include "infer/checks/neighbours.h"
 #include "infer/checks/verdict.h"
 #include "infer/checks/verification.h"
+#include "infer/initial/geometry_search.h"
 #include "infer/initial/pose_priors.h"
-#include "infer/initial/shape_check.h"
 #include "infer/lens/find_lenses.h"
 
 namespace volalign {
@@ -206,7 +206,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
   const auto begin = [&](const char* stage) {
     if (progress) progress(stage);
   };
-  const LocateOptions locate{options.initial, options.refine, options.verdict, options.threads};
+  const LocateOptions locate{options.refine, options.verdict, options.threads};
   begin("each sensor by itself");
   seen.clouds = MapFrames(seen.views, options.threads,
                           [&](FrameId id) { return SampleCloud(seen.views[id]); });

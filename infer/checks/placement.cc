@@ -12,9 +12,9 @@
 #include "infer/checks/prior_use.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/agreement.h"
+#include "infer/initial/geometry_search.h"
 #include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/pose_priors.h"
-#include "infer/initial/shape_check.h"
 
 namespace volalign {
 
@@ -136,7 +136,7 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
                                                                const LocateOptions& options) {
   const Structure& structure = seen.input->structure;
   const SensorView& view = seen.views[id];
-  LabelledPose at = LabelByPose(view, structure, prior.world_from_sensor, options.initial);
+  LabelledPose at = LabelByPose(view, structure, prior.world_from_sensor);
   Labelled labelled;
   labelled.quarter_turns = seen.labelled[id].quarter_turns;
   labelled.source = PoseSource::kPrior;

@@ -52,7 +52,6 @@ struct LocatedFrame {
 using LocateResult = std::variant<LocatedFrame, Finding>;
 
 struct LocateOptions {
-  const InitialPoseOptions& initial;
   const RefineOptions& refine;
   const VerdictOptions& verdict;
   int threads = 1;

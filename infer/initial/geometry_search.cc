@@ -11,10 +11,12 @@
 #include "core/base/lists.h"
 #include "core/base/odds.h"
 #include "core/base/stop.h"
+#include "infer/depth/surface_tolerance.h"
+#include "infer/initial/agreement.h"
 #include "infer/initial/box_fit.h"
 #include "infer/initial/floor.h"
 #include "infer/initial/initial_pose.h"
-#include "infer/initial/shape_check.h"
+#include "infer/initial/side_patch.h"
 #include "infer/initial/stack_search.h"
 #include "infer/initial/standing_guesses.h"
 #include "infer/initial/symmetries.h"
@@ -29,6 +31,8 @@ namespace {
 /// measured.
 constexpr std::size_t kMostLookedAt = 2 * kBeam, kMostFitted = kBeam / 2;
 constexpr std::size_t kMostOfAllGuesses = kBeam * kBeam / 2;
+/// Planes that may carry the structure.
+constexpr std::size_t kMostFloors = kBeam / 2;
 /// Without a floor, where much has to be tried: cells along the smallest edge of any box.
 constexpr double kCoarseCells = kCellsAlongEdge / 2;
 /// The first measurement has every second ray of every second row.
@@ -81,6 +85,18 @@ double LargestFlat(const Structure& structure) {
     largest = std::max(largest, area);
   }
   return largest;
+}
+
+/// Share of the area of all points that lies clearly behind a plane.
+double ShareBehind(const RoomPlane& plane, const SurfaceInRoom& view) {
+  const SurfaceTolerance tolerance = SurfaceTolerance::OfPlane(view.surface.view.errors);
+  double behind = 0, all = 0;
+  for (const OrientedPoint& point : view.floor_points) {
+    all += point.area;
+    const double height = plane.normal.dot(point.p) - plane.offset;
+    if (height < -kClearly * tolerance(point.p.z())) behind += point.area;
+  }
+  return behind / all;
 }
 
 class Search {
@@ -174,8 +190,13 @@ class Search {
 
   /// One list for each floor, the best pose first.
   std::vector<Poses> RoughOnFloors(double cells, bool tables) const {
+    std::vector<StandingGuess> floors;
+    for (const RoomPlane& plane : view_.planes) {
+      // Behind a floor there are at most reflections, or a stair.
+      if ((ShareBehind(plane, view_) > kNotable) == tables && floors.size() < kMostFloors)
+        floors.push_back({plane.normal, {plane.offset}, {}});
+    }
     std::vector<Poses> rough;
-    const std::vector<StandingGuess> floors = GuessFloors(view_.planes, tables);
     for (const auto& candidates :
          SearchStack(view_.points, MakeStackOutline(structure_, cells), floors, kMostLookedAt))
       rough.push_back(FitRoughly(Look(candidates), true));
@@ -224,6 +245,19 @@ class Search {
   const SurfaceInRoom& view_;
   const Structure& structure_;
 };
+
+/// A side is tilted if its measured plane differs from the pose's by more than this angle, rad (12
+/// deg), and this many standard deviations. Smaller patches, m^2, say nothing.
+constexpr double kTilted = 12 * kDegree, kTiltSigmas = 2, kLeastPatch = 0.02;
+
+bool IsTilted(const SidePatch& patch, const Structure& structure,
+              const Pose& structure_from_sensor) {
+  const Eigen::Vector3d normal = structure_from_sensor.linear() * patch.normal;
+  // A side seen edge-on may have its normal on either side.
+  const double cosine = std::abs(normal.dot(structure.SideOfLabel(patch.label).normal));
+  return patch.area > kLeastPatch &&
+         std::acos(std::min(1.0, cosine)) > kTilted + kTiltSigmas * patch.normal_sigma;
+}
 
 double BestShape(const Poses& poses) {
   double best = -std::numeric_limits<double>::infinity();
@@ -282,14 +316,20 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
   return Compete(search.WithSymmetries(found, symmetries), structure);
 }
 
-std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
-                                                    const Structure& structure) {
-  const SurfaceInRoom surface = LookAround(view, structure);
-  const Search search(surface, structure);
-  Poses found = search.CandidatesOnFloors(false);
-  const Poses others = search.CandidatesWithoutFloor();
-  found.insert(found.end(), others.begin(), others.end());
-  return found;
+std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
+                                   const Pose& structure_from_sensor) {
+  if (FindFloor(view, structure, structure_from_sensor).Floats()) return std::nullopt;
+  const double log_odds =
+      MeasureShape(LookAround(view, structure).surface, structure, structure_from_sensor).LogOdds();
+  if (log_odds <= -std::log(kDecisiveOdds)) return std::nullopt;
+  const std::vector<SidePatch> patches = CollectPatches(
+      view,
+      LabelsFromPose(view, structure, structure_from_sensor, SurfaceTolerance::AtPose(view.errors)),
+      structure);
+  const bool tilted = std::any_of(patches.begin(), patches.end(), [&](const SidePatch& patch) {
+    return IsTilted(patch, structure, structure_from_sensor);
+  });
+  return tilted ? std::nullopt : std::optional<double>(log_odds);
 }
 
 }  // namespace volalign

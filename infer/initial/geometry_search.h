@@ -47,9 +47,11 @@ std::vector<GeometricPose> FindPosesByGeometry(const SensorView& view, const Str
 std::optional<GeometricPose> FindBestOnFloors(const SurfaceInRoom& view,
                                               const Structure& structure);
 
-/// The candidates of FindPosesByGeometry before their shape is verified, those on floors first,
-/// without symmetries.
-std::vector<GeometricPose> FindCandidatesByGeometry(const SensorView& view,
-                                                    const Structure& structure);
+/// ViewFit::LogOdds of a pose that geometry found and that was refined since. Nothing if the shape
+/// (by kDecisiveOdds), the floor or a tilted side refutes it. This check is closer than the search:
+/// other boxes may have the structure's outline to a few centimetres, but their sides face
+/// otherwise.
+std::optional<double> ShapeLogOdds(const SensorView& view, const Structure& structure,
+                                   const Pose& structure_from_sensor);
 
 }  // namespace volalign

@@ -3,7 +3,6 @@
 #include <optional>
 
 #include "core/base/lists.h"
-#include "infer/initial/paper_pose.h"
 #include "infer/initial/pose_candidates.h"
 #include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
@@ -15,8 +14,10 @@ namespace {
 /// m: how far off a keypoint may be once a pose has been corrected for visibility.
 constexpr double kMostOff = 2 * kRoughPose;
 
-InitialPose SearchPose(const SensorView& view, const SegmentationResult& segmentation,
-                       const Structure& structure, const Pose* near) {
+}  // namespace
+
+InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
+                                const Structure& structure, const Pose* near) {
   InitialPose result;
   result.patches = CollectPatches(view, segmentation, structure);
   SortLargestFirst(&result.patches, [](const SidePatch& patch) { return patch.area; });
@@ -47,15 +48,6 @@ InitialPose SearchPose(const SensorView& view, const SegmentationResult& segment
   result.structure_from_sensor = correct(view, kMostOff, result.structure_from_sensor);
   result.agreement = compare(result.structure_from_sensor);
   return result;
-}
-
-}  // namespace
-
-InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
-                                const Structure& structure, const InitialPoseOptions& options,
-                                const Pose* near) {
-  return options.method == PoseMethod::kPaper ? EstimatePaperPose(view, segmentation, structure)
-                                              : SearchPose(view, segmentation, structure, near);
 }
 
 }  // namespace volalign

@@ -6,7 +6,6 @@
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "infer/initial/agreement.h"
-#include "infer/initial/geometry_search.h"
 #include "infer/initial/side_patch.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
@@ -14,12 +13,11 @@
 namespace volalign {
 
 /// Sources of initial poses that a person chooses from.
-enum class PoseMethod { kAuto, kNetwork, kGeometry, kPaper };
-constexpr Words<PoseMethod, 4> WordsOf(PoseMethod) {
+enum class PoseMethod { kAuto, kNetwork, kGeometry };
+constexpr Words<PoseMethod, 3> WordsOf(PoseMethod) {
   return {{{"auto", PoseMethod::kAuto},
            {"network", PoseMethod::kNetwork},
-           {"geometry", PoseMethod::kGeometry},
-           {"paper", PoseMethod::kPaper}}};
+           {"geometry", PoseMethod::kGeometry}}};
 }
 
 /// Source of an initial pose: the network's labels, the structure's geometry, the other sensors, or
@@ -39,8 +37,7 @@ struct InitialPoseOptions {
   void Describe(Archive& ar) {
     ar("method", method,
        "source of initial poses. Network: its labels. Geometry: the structure's shape, without a "
-       "model. Auto: both if there is a model, and one verification chooses. Paper: Procrustes of "
-       "the network's sides (medians against centres of exposed areas)",
+       "model. Auto: both if there is a model, and one verification chooses",
        Removed("table_height_m", "what the stack stands on is found by itself; leave the key out",
                std::vector<std::string>{"0"}),
        Removed("keypoints",
@@ -66,10 +63,7 @@ struct InitialPose {
 /// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
 /// from sets of patches and corrected for visibility (pose_candidates.h). The candidate with the
 /// largest Agreement::score is taken. With `near`, that pose is the only candidate.
-///
-/// With PoseMethod::kPaper, EstimatePaperPose (paper_pose.h) does it instead.
 InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult& segmentation,
-                                const Structure& structure, const InitialPoseOptions& options,
-                                const Pose* near = nullptr);
+                                const Structure& structure, const Pose* near = nullptr);
 
 }  // namespace volalign

@@ -55,7 +55,7 @@ RoomPlane BestTrial(const std::vector<OrientedPoint>& points, const std::vector<
                     const SurfaceTolerance& tolerance) {
   RoomPlane best;
   VisitSome(points, taken, kFewProbes, [&](const OrientedPoint& seed) {
-    RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0, 0};
+    RoomPlane plane{seed.normal, seed.normal.dot(seed.p), 0};
     VisitSome(points, taken, kManyProbes, [&](const OrientedPoint& point) {
       if (Lies(point, plane, tolerance)) plane.area += point.area;
     });
@@ -209,10 +209,8 @@ std::vector<RoomPlane> FindRoomPlanes(const std::vector<OrientedPoint>& points, 
   std::vector<RoomPlane> planes;
   for (int k = 0; k < most; ++k) {
     RoomPlane plane = Fit(points, taken, BestTrial(points, taken, tolerance), tolerance);
-    plane.area = plane.behind = 0;
+    plane.area = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
-      const double height = plane.normal.dot(points[i].p) - plane.offset;
-      if (height < -kClearly * tolerance(points[i].p.z())) plane.behind += points[i].area / all;
       if (taken[i] || !Lies(points[i], plane, tolerance)) continue;
       plane.area += points[i].area;
       taken[i] = 1;

@@ -39,7 +39,6 @@ struct RoomPlane {
   Eigen::Vector3d normal;  ///< unit, towards the sensor
   double offset = 0;       ///< normal . p of its points, m; negative
   double area = 0;         ///< m^2, seen
-  double behind = 0;       ///< share of the area of all points that lies clearly behind it
 };
 
 /// The planes on which most points lie, at most `most`, the largest area first. Deterministic.

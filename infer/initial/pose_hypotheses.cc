@@ -80,16 +80,12 @@ double ByAllLabels(const ViewExplanation& view) {
 
 }  // namespace
 
-bool AsksGeometry(PoseMethod method) {
-  return method == PoseMethod::kAuto || method == PoseMethod::kGeometry;
-}
-
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
                                        const std::vector<StructureSymmetry>& symmetries,
                                        const Labellings& labellings, bool known_up,
-                                       const InitialPoseOptions& initial) {
+                                       PoseMethod method) {
   std::vector<Hypothesis> poses = OfLabellings(symmetries, labellings, known_up);
-  if (AsksGeometry(initial.method)) AddGeometry(view, structure, symmetries, known_up, &poses);
+  if (method != PoseMethod::kNetwork) AddGeometry(view, structure, symmetries, known_up, &poses);
   WeighHypotheses(view, structure, labellings, &poses);
   return poses;
 }
@@ -122,13 +118,12 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
   for (Hypothesis& each : *hypotheses) each.by_labels = each.by_outline = 0;
 }
 
-LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose,
-                         const InitialPoseOptions& options) {
+LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose) {
   LabelledPose labelled;
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
   for (int round = 0; round < kRounds; ++round) {
     labelled.segmentation = LabelsFromPose(view, structure, pose, tolerance);
-    labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, options, &pose);
+    labelled.initial = EstimateInitialPose(view, labelled.segmentation, structure, &pose);
     if (!labelled.initial.found) break;
     const Pose before = std::exchange(pose, labelled.initial.structure_from_sensor);
     if (ComparePoses(before, pose).translation_m < kLabelsStay) break;

@@ -18,9 +18,9 @@ struct Labelling {
   int turns = 0;
   SegmentationResult segmentation;
   InitialPose initial;
-  // Natural logarithms of the odds of the pose:
-  double by_view = 0;   // by depths and labels
-  double by_floor = 0;  // against that of any symmetry (FloorMargin)
+  /// Is the pose beyond doubt? Labels and depths then fit the structure, and it stands on a floor
+  /// (FloorMargin). Upside down, or shifted by a box, it would not.
+  bool settled = false;
 };
 
 /// A pose that a sensor may have, with its evidence: natural logarithms of the odds that the pose
@@ -37,9 +37,6 @@ struct Hypothesis {
   double by_labels = 0, by_outline = 0;
 };
 
-/// Does a calibration take poses from geometry?
-bool AsksGeometry(PoseMethod method);
-
 /// The poses that a sensor may have, with their evidence. They are the poses of the labellings,
 /// their symmetric ones, and those of FindPosesByGeometry where the method uses geometry. With
 /// `known_up`, the labellings' orientation is given. Symmetries that turn the structure over are
@@ -47,7 +44,7 @@ bool AsksGeometry(PoseMethod method);
 std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& structure,
                                        const std::vector<StructureSymmetry>& symmetries,
                                        const std::vector<const Labelling*>& labellings,
-                                       bool known_up, const InitialPoseOptions& initial);
+                                       bool known_up, PoseMethod method);
 
 /// Sets the evidence of each hypothesis. If the labels' outline speaks for none of them, labels do
 /// not count. Beyond the distances that it was trained for, a network labels the room.
@@ -61,7 +58,6 @@ struct LabelledPose {
   SegmentationResult segmentation;
   InitialPose initial;
 };
-LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose,
-                         const InitialPoseOptions& options);
+LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose);
 
 }  // namespace volalign

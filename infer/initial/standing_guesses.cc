@@ -13,8 +13,6 @@ namespace volalign {
 
 namespace {
 
-/// Share of a view's surface that may lie behind a floor: reflections, a stair.
-constexpr double kMostBehind = kNotable;
 /// Cosine below which directions are at a right angle, to 15 deg.
 const double kAtRightAngle = std::sqrt(1 - kSameDirection * kSameDirection);
 /// rad: two turns that differ by less (8 deg) are one.
@@ -161,16 +159,6 @@ std::vector<double> Feet(const std::vector<OrientedPoint>& points, const Eigen::
 }
 
 }  // namespace
-
-std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, bool tables) {
-  std::vector<StandingGuess> guesses;
-  for (const RoomPlane& plane : planes) {
-    if ((plane.behind > kMostBehind) != tables) continue;
-    guesses.push_back({plane.normal, {plane.offset}, {}});
-    if (guesses.size() == kBeam / 2) break;
-  }
-  return guesses;
-}
 
 std::vector<StandingGuess> GuessWithoutFloor(const std::vector<OrientedPoint>& points,
                                              const std::vector<RoomPlane>& planes,

@@ -8,10 +8,6 @@
 
 namespace volalign {
 
-/// One guess for each plane that may carry the structure, the largest first. Floors have few points
-/// behind them, tables more.
-std::vector<StandingGuess> GuessFloors(const std::vector<RoomPlane>& planes, bool tables);
-
 /// Guesses where no floor is seen, or nothing stands on it. Up is one of the directions in which
 /// planes face, or at a right angle to two of them. The structure's sides face as the planes of
 /// `small` do. One of its tops is as high as a surface that faces up. Where no surface does, every

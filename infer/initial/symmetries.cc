@@ -20,9 +20,6 @@ namespace {
 
 /// m: motions whose translations differ by less are one motion.
 constexpr double kSameMotion = 2 * kSamePlace;
-/// Cosine of the angle (60 deg) between two verticals below which a motion turns the structure
-/// over. Below its opposite, the structure is upside down.
-constexpr double kTurnedOver = 0.5;
 /// m: bounds of the limit for a very small and a very large structure.
 constexpr double kLeastStep = kRoughPose, kMostStep = 0.2;
 constexpr double kPartOfEdge = 0.5;
@@ -78,6 +75,12 @@ std::vector<Eigen::Matrix3d> AxisTurns() {
   return turns;
 }
 
+void AddTurn(const Eigen::Matrix3d& turn, std::vector<Eigen::Matrix3d>* turns) {
+  AddIfNew(turn, turns, [&](const Eigen::Matrix3d& other) {
+    return (other.transpose() * turn).trace() > 1 + 2 * kAligned;
+  });
+}
+
 /// The turns that take one box's axes to another's. A box within kTurned of the structure's axes
 /// counts as parallel to them. Only the kMostAxes sets of axes that most boxes share are tried.
 std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
@@ -101,9 +104,7 @@ std::vector<Eigen::Matrix3d> TurnsBetween(const std::vector<Box>& boxes) {
     for (const auto& from : axes) {
       for (const Eigen::Matrix3d& between : AxisTurns()) {
         const Eigen::Matrix3d turn = to.first * between * from.first.transpose();
-        AddIfNew(turn, &turns, [&](const Eigen::Matrix3d& other) {
-          return (other.transpose() * turn).trace() > 1 + 2 * kAligned;
-        });
+        AddTurn(turn, &turns);
       }
     }
   }
@@ -144,17 +145,9 @@ void AddTurnsOfFacets(const Box& box, std::vector<Eigen::Matrix3d>* turns) {
         continue;
       const Eigen::Matrix3d turn = own * AxesAlong(a->normal, b->normal) *
                                    AxesAlong(first, second).transpose() * own.transpose();
-      AddIfNew(turn, turns, [&](const Eigen::Matrix3d& other) {
-        return (other.transpose() * turn).trace() > 1 + 2 * kAligned;
-      });
+      AddTurn(turn, turns);
     }
   }
-}
-
-KdTree MiddlesOf(const std::vector<Box>& boxes) {
-  std::vector<Eigen::Vector3d> middles;
-  for (const Box& box : boxes) middles.push_back(MiddleOf(box));
-  return KdTree(std::move(middles));
 }
 
 /// Boxes that the motion brings onto a box; 0 if they are less than half. `middles`: of the boxes.
@@ -173,7 +166,9 @@ int CountMoved(const std::vector<Box>& boxes, const KdTree& middles, const Pose&
 
 std::vector<StructureSymmetry> FindSymmetries(const Structure& structure) {
   const std::vector<Box>& boxes = structure.boxes();
-  const KdTree middles = MiddlesOf(boxes);
+  std::vector<Eigen::Vector3d> points;
+  for (const Box& box : boxes) points.push_back(MiddleOf(box));
+  const KdTree middles(std::move(points));
   std::vector<StructureSymmetry> symmetries;
   std::vector<Eigen::Matrix3d> turns = TurnsBetween(boxes);
   for (const Box& box : boxes)
@@ -218,18 +213,17 @@ bool SamePose(const Structure& structure, const Pose& a, const Pose& b) {
 }
 
 bool TurnsOver(const Pose& from, const Pose& to) {
-  return (to * from.inverse()).linear()(1, 1) < kTurnedOver;
+  return (to * from.inverse()).linear()(1, 1) <= kFacesAlike;
 }
 
 bool LeavesFloor(const Pose& from, const Pose& to) {
-  const Pose motion = to * from.inverse();
-  return motion.linear()(1, 1) < kFacesAlike || std::abs(motion.translation().y()) > kSameMotion;
+  return TurnsOver(from, to) || std::abs((to * from.inverse()).translation().y()) > kSameMotion;
 }
 
 std::string DescribeMotion(const Pose& from, const Pose& to) {
   const Pose motion = to * from.inverse();
-  if (motion.linear()(1, 1) < -kTurnedOver) return "upside down";
-  if (motion.linear()(1, 1) < kTurnedOver) return "laid on another side";
+  if (motion.linear()(1, 1) < -kFacesAlike) return "upside down";
+  if (TurnsOver(from, to)) return "laid on another side";
   const double turn = std::atan2(motion.linear()(0, 2), motion.linear()(0, 0)) / kDegree;
   const double rise = motion.translation().y();
   if (std::abs(rise) < kSamePlace) {

@@ -114,11 +114,8 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
     if (!known) wrong.push_back(pose);
   }
   for (const Pose& pose : wrong) print("view\twrong", structure, pose);
-  const std::vector<GeometricPose> found = FindCandidatesByGeometry(sensor.view, other);
-  const auto best = std::max_element(found.begin(), found.end(), [](const auto& a, const auto& b) {
-    return a.shape.LogOdds() < b.shape.LogOdds();
-  });
-  if (best != found.end()) print("view\twrong", other, best->structure_from_sensor);
+  const auto found = FindBestOnFloors(LookAround(sensor.view, other), other);
+  if (found) print("view\twrong", other, found->structure_from_sensor);
   return wrong;
 }
 

@@ -248,7 +248,7 @@ class CommandLine(InAFolder):
         self.assertEqual(complete("volalign", "cali"), ["calibrate"])
         self.assertEqual(sorted(complete("volalign", "structure", "")[:2]), ["build", "show"])
         self.assertIn("--capture", complete("volalign", "calibrate", "--cap"))
-        self.assertEqual(complete("volalign", "calibrate", "--initial", "pap"), ["paper"])
+        self.assertEqual(complete("volalign", "calibrate", "--initial", "geo"), ["geometry"])
         self.assertEqual(complete("volalign", "calibrate", "--output", "x"), [])
 
     def test_doctor(self):
@@ -486,7 +486,7 @@ class CommandLine(InAFolder):
             output = self.expect(f"{command} --help", 0)
             self.assertIsNone(re.search(r"\b(FLOAT|INT|UINT|TEXT|ENUM):", output), output)
         self.expect("check --help", 0, "--false-alarm FLOAT (1e-12 to 0.1; default 1e-05)", "--max-mm FLOAT (0 or above; default 0)")
-        self.expect("calibrate --help", 0, "--initial {auto,network,geometry,paper}", "--capture TEXT ... (required)")
+        self.expect("calibrate --help", 0, "--initial {auto,network,geometry}", "--capture TEXT ... (required)")
 
     def test_init(self):
         self.expect("render --rig configs/rig_ring4.yaml -o capture", 0)

@@ -10,7 +10,7 @@
 #include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/graph_icp.h"
 #include "infer/evaluate/suite/markers.h"
-#include "infer/initial/paper_pose.h"
+#include "infer/evaluate/suite/paper_pose.h"
 #include "infer/refine/refine.h"
 
 namespace volalign {
@@ -92,13 +92,9 @@ MethodResult RunNetwork(const SuiteCapture& capture, Segmenter& segmenter) {
     requests.push_back({&capture.views[i].depth, &frame.intrinsics, turns});
   }
   std::vector<SegmentationResult> segmented = segmenter.Segment(requests);
-  InitialPoseOptions options;
-  options.method = PoseMethod::kPaper;
   for (std::size_t i = 0; i < capture.views.size(); ++i) {
-    const InitialPose pose =
-        EstimatePaperPose(capture.views[i], segmented[i], capture.evaluation.structure);
     result.poses[PoseStage::kInitial].push_back(
-        pose.found ? std::optional<Pose>(pose.structure_from_sensor) : std::nullopt);
+        EstimatePaperPose(capture.views[i], segmented[i], capture.evaluation.structure));
     result.labels.push_back(std::move(segmented[i].labels));
   }
   return result;

@@ -90,7 +90,7 @@ def test_options(capture, result, tmp_path):
     ways = [
         volalign.calibrate(capture, model=None, initial={"method": "geometry"}, threads=np.int64(1)),
         volalign.calibrate(capture, model=None, options={"initial.method": "geometry", "threads": 1}),
-        volalign.calibrate(capture, model=None, options={"threads": 3, "initial": {"method": "paper"}}, threads=1, **{"initial.method": "geometry"}),
+        volalign.calibrate(capture, model=None, options={"threads": 3, "initial": {"method": "network"}}, threads=1, **{"initial.method": "geometry"}),
     ]
     (tmp_path / "options.yaml").write_text(ways[0].options)
     ways.append(volalign.calibrate(capture, model=None, options=tmp_path / "options.yaml"))

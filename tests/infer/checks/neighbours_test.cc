@@ -41,7 +41,7 @@ void AddAmong(const std::vector<Box>& others, const std::string& name, const Pos
 
 /// How the lost frame is located, by its neighbours alone.
 LocateResult LocateLost(const Rig& rig, const CalibrateOptions& options = {}) {
-  const LocateOptions locate{options.initial, options.refine, options.verdict, 2};
+  const LocateOptions locate{options.refine, options.verdict, 2};
   const CaptureSet capture({{"", rig.frames}}, rig.structure);
   const Seen seen = SeenWithLabels(capture, rig.labels);
   const PerFrame<LocateResult> alone = LocateAlone(seen, {std::nullopt}, locate);

@@ -23,7 +23,7 @@ struct Located {
 
   explicit Located(const Rig& rig)
       : capture({{"", rig.frames}}, rig.structure), seen(SeenWithLabels(capture, rig.labels)) {}
-  LocateOptions locate() const { return {options.initial, options.refine, options.verdict, 1}; }
+  LocateOptions locate() const { return {options.refine, options.verdict, 1}; }
   std::vector<LocateResult> Alone(const std::optional<AssemblyReport>& assembly = {}) const {
     return LocateAlone(seen, {assembly}, locate()).OfCapture(0);
   }

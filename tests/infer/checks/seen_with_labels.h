@@ -24,8 +24,7 @@ inline Seen SeenWithLabels(const CaptureSet& input, const std::vector<LabelImage
     Labelled of;
     of.segmentation = Certain(labels[id.frame]);
     of.quarter_turns = 1;
-    of.initial =
-        EstimateInitialPose(seen.views[id], of.segmentation, input.structure, options.initial);
+    of.initial = EstimateInitialPose(seen.views[id], of.segmentation, input.structure);
     return of;
   });
   return seen;

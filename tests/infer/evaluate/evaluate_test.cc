@@ -57,9 +57,9 @@ void AddPlacement(const Pose& first_from_placement, Ring* ring, StoredSegmenter*
 }
 
 std::vector<EvaluationVariant> TwoVariants() {
-  EvaluationVariant network{"network", {}}, paper{"paper", {}};
-  paper.options.initial.method = PoseMethod::kPaper;
-  return {network, paper};
+  EvaluationVariant both{"auto", {}}, network{"network", {}};
+  network.options.initial.method = PoseMethod::kNetwork;
+  return {both, network};
 }
 
 class EvaluateFiles : public testing::Test {
@@ -507,10 +507,10 @@ TEST(Statistics, IntervalsOfNormalErrorsCoverWhatTheySay) {
 TEST(Variants, OneAValueOverTheSharedOptions) {
   ConfigSource source;
   source.Set("refine.box_sigma_m=0.007");
-  const auto variants = ReadVariants(source, "initial.method=paper,network");
+  const auto variants = ReadVariants(source, "initial.method=geometry,network");
   ASSERT_EQ(variants.size(), 2u);
-  EXPECT_EQ(variants[0].name, "paper");
-  EXPECT_EQ(variants[0].options.initial.method, PoseMethod::kPaper);
+  EXPECT_EQ(variants[0].name, "geometry");
+  EXPECT_EQ(variants[0].options.initial.method, PoseMethod::kGeometry);
   EXPECT_EQ(variants[1].name, "network");
   EXPECT_EQ(variants[1].options.initial.method, PoseMethod::kNetwork);
   for (const EvaluationVariant& variant : variants)

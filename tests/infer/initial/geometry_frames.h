@@ -35,7 +35,7 @@ inline std::vector<GeometricPose> Find(const SensorView& view, const Structure& 
 inline PoseChoice Choose(const SensorView& view, const Structure& structure) {
   return ChooseTogether({{&view,
                           FindHypotheses(view, structure, FindSymmetries(structure), {}, false,
-                                         InitialPoseOptions()),
+                                         PoseMethod::kAuto),
                           0}},
                         structure)
       .front();

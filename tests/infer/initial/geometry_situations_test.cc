@@ -145,10 +145,8 @@ TEST(FindHypotheses, AreThePosesOfLabellingsAndTheirSymmetricOnes) {
   std::vector<StructureSymmetry> symmetries(2);
   symmetries[0].motion = MakePose({M_PI, 0, 0}, {0, 0, 0});
   symmetries[1].motion = Upright(90, 0.4);
-  InitialPoseOptions network;
-  network.method = PoseMethod::kNetwork;
   const auto poses_of = [&](const std::vector<const Labelling*>& of, bool known_up) {
-    return FindHypotheses(view, PaperStructure(), symmetries, of, known_up, network);
+    return FindHypotheses(view, PaperStructure(), symmetries, of, known_up, PoseMethod::kNetwork);
   };
   struct Expected {
     std::size_t labelling;

@@ -8,11 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/odds.h"
 #include "core/geometry/metrics.h"
 #include "core/geometry/visibility.h"
 #include "infer/initial/floor.h"
-#include "infer/initial/labellings.h"
 #include "infer/initial/oriented_points.h"
 #include "infer/initial/symmetries.h"
 #include "tests/core/base/pixels.h"
@@ -25,7 +23,6 @@
 namespace volalign::orientation_test {
 namespace {
 
-using namespace pose_internal;
 using namespace testing_infer;
 
 /// Labels a frame rightly in one orientation and finds nothing in the others.
@@ -162,40 +159,6 @@ TEST(LabelViews, AFrameThatIsNotUsableIsNeverSegmented) {
   EXPECT_FALSE(labelled[0].initial.found);
   EXPECT_EQ(labelled[0].segmentation.labels, LabelImage(320, 288));
   EXPECT_TRUE(labelled[1].initial.found);
-}
-
-// Which views are tried in which orientations is seen through LabelViews (orientation_test.cc);
-// here, what a labelling has to show.
-
-Labelling MakeLabelling(double by_view, double by_floor, bool found = true) {
-  Labelling labelling;
-  labelling.initial.found = found;
-  labelling.by_view = by_view;
-  labelling.by_floor = by_floor;
-  return labelling;
-}
-
-TEST(Labelling, IsSettledByViewAndFloor) {
-  const double decisive = std::log(kDecisiveOdds), less = decisive - 0.01;
-  EXPECT_TRUE(Settled(MakeLabelling(decisive, decisive)));
-  EXPECT_FALSE(Settled(MakeLabelling(less, 20)));
-  EXPECT_FALSE(Settled(MakeLabelling(20, less)));
-  EXPECT_FALSE(Settled(MakeLabelling(20, 20, false)));
-}
-
-std::size_t Best(std::vector<Labelling> labellings) {
-  std::vector<const Labelling*> pointers;
-  for (const Labelling& labelling : labellings) pointers.push_back(&labelling);
-  return static_cast<std::size_t>(BestLabelling(pointers) - labellings.data());
-}
-
-TEST(BestLabelling, IsTheOneForWhichMostSpeaks) {
-  EXPECT_EQ(Best({MakeLabelling(4, 20), MakeLabelling(5, 5), MakeLabelling(3, 15)}), 1u)
-      << "a settled one";
-  EXPECT_EQ(Best({MakeLabelling(4, 0.1), MakeLabelling(3, 2), MakeLabelling(-4, 5)}), 1u);
-  EXPECT_EQ(Best({MakeLabelling(9, 9, false), MakeLabelling(-10, -10)}), 1u)
-      << "one that has a pose";
-  EXPECT_EQ(Best({MakeLabelling(2, 0, false)}), 0u);
 }
 
 /// Of the rays that hit this box: those, and of them the marked ones.

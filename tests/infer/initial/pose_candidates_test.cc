@@ -12,7 +12,6 @@
 #include "infer/initial/geometry_search.h"
 #include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/rig_choice.h"
-#include "infer/initial/shape_check.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/initial/geometry_frames.h"
@@ -73,11 +72,13 @@ TEST_F(PoseCandidates, SidesAboveEachOtherFixNoTurn) {
 }
 
 TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
-  for (int copy = 0; copy < 5; ++copy) Add("top/front");
+  for (const char* name : {"top/front", "top/right", "mid_top/front", "mid_bottom/front"})
+    Add(name);
+  Add("bottom/front");
   const Eigen::Vector3d axis = patches[0].normal.unitOrthogonal();
-  patches[0].centroid += 0.1 * axis;   // nearest of those that agree
-  patches[1].centroid += 0.15 * axis;  // farther than that
-  patches[2].centroid += 0.25 * axis;  // too far
+  patches[0].centroid += 0.1 * axis;
+  patches[1].centroid += 0.15 * axis;
+  patches[2].centroid += 0.25 * axis;                                                // too far
   patches[3].normal = Eigen::AngleAxisd(35 * M_PI / 180, axis) * patches[3].normal;  // turned
   patches[4].centroid -= 0.19 * axis;
   Add("mid_top/right");
@@ -85,7 +86,7 @@ TEST_F(PoseCandidates, APatchAgreesByPlaceAndDirection) {
   patches[5].normal_sigma = 0.2;  // a sliver, whose normal says little
   const PatchSet agreeing =
       AgreeingPatches(patches, Keypoints(), structure, kMostKeypointError, truth);
-  EXPECT_EQ(agreeing, (PatchSet{0, 5}));
+  EXPECT_EQ(agreeing, (PatchSet{0, 1, 4, 5}));
 }
 
 TEST_F(PoseCandidates, TheCandidateThatMostPatchesAgreeWithComesFirst) {
@@ -121,8 +122,7 @@ class Proposals : public testing::Test {
     labelling.segmentation = Certain(labels);
     labelling.initial.found = true;
     labelling.initial.structure_from_sensor = network;
-    return FindHypotheses(view_, box_, FindSymmetries(box_), {&labelling}, true,
-                          InitialPoseOptions());
+    return FindHypotheses(view_, box_, FindSymmetries(box_), {&labelling}, true, PoseMethod::kAuto);
   }
   PoseChoice Combined(const Pose& network, const LabelImage& labels) const {
     return ChooseTogether({{&view_, Hypotheses(network, labels), 0}}, box_).front();

@@ -300,9 +300,7 @@ TEST(MakeStackOutline, HasLimits) {
 const Eigen::Vector3d kX(1, 0, 0), kY(0, 1, 0), kZ(0, 0, 1);
 
 /// Of 1 m^2.
-RoomPlane Plane(const Eigen::Vector3d& normal, double offset, double behind = 0.5) {
-  return {normal, offset, 1, behind};
-}
+RoomPlane Plane(const Eigen::Vector3d& normal, double offset) { return {normal, offset, 1}; }
 
 /// 0.5 m and 0.8 m high tops.
 Structure TwoLevels() {

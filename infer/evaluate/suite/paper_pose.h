@@ -1,7 +1,9 @@
 #pragma once
 
+#include <optional>
+
+#include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/initial_pose.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
 
@@ -13,7 +15,8 @@ namespace volalign {
 /// each coordinate of its measured pixels. Procrustes over all of them aligns these points with the
 /// centroids of the sides' exposed areas. Nothing is found with fewer than three such sides, or
 /// with sides in a line.
-InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
-                              const Structure& structure);
+std::optional<Pose> EstimatePaperPose(const SensorView& view,
+                                      const SegmentationResult& segmentation,
+                                      const Structure& structure);
 
 }  // namespace volalign

@@ -1,4 +1,4 @@
-#include "infer/initial/paper_pose.h"
+#include "infer/evaluate/suite/paper_pose.h"
 
 #include <Eigen/Core>
 #include <array>
@@ -11,8 +11,9 @@
 
 namespace volalign {
 
-InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& segmentation,
-                              const Structure& structure) {
+std::optional<Pose> EstimatePaperPose(const SensorView& view,
+                                      const SegmentationResult& segmentation,
+                                      const Structure& structure) {
   const auto classes = static_cast<std::size_t>(structure.num_classes());
   std::vector<std::array<std::vector<double>, 3>> coordinates(classes);
   view.VisitMeasured(1, [&](int u, int v) {
@@ -30,14 +31,9 @@ InitialPose EstimatePaperPose(const SensorView& view, const SegmentationResult& 
                         Quantile(std::move(z), 0.5));
     target.push_back(structure.Keypoint(static_cast<int>(label), KeypointKind::kExposed));
   }
-  InitialPose result;
-  result.patches = CollectPatches(view, segmentation, structure);
-  if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue)) return result;
-  result.found = true;
-  result.structure_from_sensor = AlignPoints(source, target).target_from_source;
-  result.agreement = CompareWithView(view, segmentation, structure, result.structure_from_sensor,
-                                     SurfaceTolerance::AtRoughPose(view.errors));
-  return result;
+  if (source.size() < 3 || !(SecondSingularValue(target) > kMinSecondSingularValue))
+    return std::nullopt;
+  return AlignPoints(source, target).target_from_source;
 }
 
 }  // namespace volalign
