@@ -12,7 +12,6 @@ namespace volalign::testing_infer {
 /// The only capture of a capture, which has to outlive the result, with true labels and the initial
 /// poses that follow from them, through the lenses as given.
 inline Seen SeenWithLabels(const CaptureSet& input, const std::vector<LabelImage>& labels) {
-  const CalibrateOptions options;
   Seen seen;
   seen.input = &input;
   seen.lenses = GivenLenses(input);
