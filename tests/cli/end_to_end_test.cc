@@ -21,7 +21,6 @@
 #include "core/geometry/metrics.h"
 #include "core/geometry/structure.h"
 #include "infer/calib/calibrate.h"
-#include "infer/capture/capture.h"
 #include "infer/checks/verdict.h"
 #include "infer/evaluate/items.h"
 #include "infer/report/report.h"

@@ -11,7 +11,6 @@
 #include <string>
 
 #include "core/base/error.h"
-#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/fuzz/targets.h"
 

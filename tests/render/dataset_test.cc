@@ -14,7 +14,6 @@
 #include <sstream>
 #include <thread>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "render/egl/egl_context.h"

@@ -10,11 +10,9 @@
 #include <memory>
 #include <set>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
 #include "render/egl/egl_context.h"

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"

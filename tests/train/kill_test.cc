@@ -13,7 +13,6 @@
 #include <string>
 #include <system_error>
 #include <thread>
-#include <vector>
 
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "core/geometry/lens.h"

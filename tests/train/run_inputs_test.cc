@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/geometry/structure.h"
 #include "tests/core/base/expect_error.h"

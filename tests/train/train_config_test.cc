@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/interrupt.h"
 #include "render/sample.h"
 #include "tests/core/base/expect_error.h"

@@ -4,7 +4,6 @@
 #include <ATen/core/Tensor.h>
 
 #include <cmath>
-#include <memory>
 #include <string>
 #include <vector>
 

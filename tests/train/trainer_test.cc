@@ -22,7 +22,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "tests/core/base/expect_error.h"

@@ -7,6 +7,8 @@
 #include <string>
 #include <typeinfo>
 
+#include "core/base/error.h"
+
 namespace volalign {
 
 /// Whether the text has every one of the parts; says which one it has not, or has.

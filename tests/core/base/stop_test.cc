@@ -21,14 +21,12 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/interrupt.h"
 #include "core/base/ordered_prefetch.h"
 #include "core/base/parallel_for.h"
 #include "core/base/random.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 
 namespace volalign::stop_test {

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/random.h"

@@ -6,13 +6,11 @@
 #include <Eigen/Geometry>
 #include <assimp/Exporter.hpp>
 #include <assimp/Importer.hpp>
-#include <cmath>
 #include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/geometry/frame_errors.h"
 #include "core/geometry/mesh_file.h"

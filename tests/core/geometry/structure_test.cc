@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/geometry/stack_faults.h"
 #include "tests/core/base/expect_error.h"

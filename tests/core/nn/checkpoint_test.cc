@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/provenance.h"
 #include "core/nn/safetensors.h"

@@ -10,11 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/export_torchscript.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/nn/run_check.h"
 

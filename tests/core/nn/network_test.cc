@@ -7,13 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <map>
 #include <set>
 #include <string>
 #include <tuple>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/nn/paper_net.h"
 #include "tests/core/base/expect_error.h"
 

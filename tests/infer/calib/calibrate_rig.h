@@ -1,8 +1,6 @@
 #pragma once
 
 #include <Eigen/Cholesky>
-#include <cstdint>
-#include <string>
 #include <vector>
 
 #include "infer/calib/calibrate.h"

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::check_request_test {

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "infer/calib/calibrate.h"
-#include "infer/calib/look.h"
 #include "infer/calib/result.h"
 #include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/symmetries.h"

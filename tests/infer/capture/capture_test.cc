@@ -11,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "core/geometry/camera.h"

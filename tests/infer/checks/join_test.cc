@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/geometry/metrics.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/view/synthetic.h"
 

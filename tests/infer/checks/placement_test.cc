@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "infer/checks/verification.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/checks/seen_with_labels.h"

@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "infer/initial/initial_pose.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::pose_quality_test {

@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "infer/evaluate/items.h"

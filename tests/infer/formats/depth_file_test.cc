@@ -16,12 +16,10 @@
 #include <cmath>
 #include <cstdarg>
 #include <cstdlib>
-#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "tests/core/base/expect_error.h"

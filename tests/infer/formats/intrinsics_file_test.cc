@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"

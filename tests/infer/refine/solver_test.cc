@@ -9,7 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/geometry/frame_errors.h"
 #include "core/geometry/sensor_kind.h"

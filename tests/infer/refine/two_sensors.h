@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <string>
 #include <utility>
 #include <vector>
 

@@ -14,7 +14,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/folder.h"
 #include "core/base/provenance.h"

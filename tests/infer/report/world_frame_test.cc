@@ -9,9 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
-#include "infer/calib/calibrate.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/geometry/within.h"

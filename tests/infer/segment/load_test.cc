@@ -6,9 +6,6 @@
 #include <c10/core/GradMode.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
-
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/network.h"

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/nn/checkpoint.h"
 #include "core/nn/export_onnx.h"

@@ -5,7 +5,6 @@
 #include <functional>
 #include <string>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/model/onnx_graph.h"
 #include "tests/core/base/expect_error.h"

@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"

@@ -3,13 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <initializer_list>
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/table_data.h"

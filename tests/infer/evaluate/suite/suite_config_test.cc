@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/geometry/pose.h"
 #include "infer/evaluate/suite/method_set.h"
