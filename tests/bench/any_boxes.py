@@ -17,6 +17,8 @@ import pathlib
 import random
 import sys
 
+import numpy as np
+
 from common import D415, KINECT, run
 from grey_png import read_png
 import accuracy
@@ -63,23 +65,13 @@ def write_inputs(folder, seed, sensor, boxes):
 
 def sees_enough(folder, capture, sensor, truth):
     """Two boxes or more, and some floor?"""
-    labels = read_png(folder / f"{sensor['name']}_labels.png")
-    depth = read_png(folder / sensor["depth"])
-    scale = sensor.get("depth_scale", capture.get("depth_scale", 0.001))
-    k = sensor["intrinsics"]
-    sides, floor, pixels = {}, 0, 0
-    for v in range(1, len(labels), 3):
-        for u in range(1, len(labels[0]), 3):
-            pixels += 1
-            label, z = labels[v][u], depth[v][u] * scale
-            if label:
-                sides[(label - 1) // 5] = sides.get((label - 1) // 5, 0) + 1
-            elif z > 0:
-                p = ((u - k["cx"]) / k["fx"] * z, (v - k["cy"]) / k["fy"] * z, z)
-                y = sum(truth[1][i] * p[i] for i in range(3)) + truth[1][3]
-                floor += abs(y) < FLOOR_M
-    boxes = sum(count > BOX_SHARE * pixels for count in sides.values())
-    return boxes >= 2 and floor > FLOOR_SHARE * pixels
+    labels, depth = (read_png(folder / name)[1::3, 1::3] for name in (f"{sensor['name']}_labels.png", sensor["depth"]))
+    k, z = sensor["intrinsics"], depth * sensor.get("depth_scale", capture.get("depth_scale", 0.001))
+    v, u = np.mgrid[1 : k["height"] : 3, 1 : k["width"] : 3]
+    height = np.dstack([(u - k["cx"]) / k["fx"] * z, (v - k["cy"]) / k["fy"] * z, z, np.ones(z.shape)]) @ truth[1]
+    floor = (labels == 0) & (z > 0) & (abs(height) < FLOOR_M)
+    boxes = np.bincount((labels[labels > 0].astype(int) - 1) // 5)
+    return sum(boxes > BOX_SHARE * labels.size) >= 2 and floor.mean() > FLOOR_SHARE
 
 
 def calibrate(options, seed, sensor):

@@ -47,12 +47,17 @@ WITH = {
 }
 
 
-def options_of(text):
-    """Of `volalign config commands`: sub-command -> (names, meaning) of its options, not its positional arguments."""
+def sections_of(text):
+    """Of `volalign config commands`: (sub-command, what is said of it)."""
     sections = re.split(r"^## volalign (.+)$", text, flags=re.MULTILINE)[1:]
+    return zip(sections[::2], sections[1::2])
+
+
+def options_of(text):
+    """Sub-command -> (names, meaning) of its options, not its positional arguments."""
     return {
         name: [(names, " ".join(meaning.split())) for names, meaning in re.findall(r"^- `(-[^`]*)`: (.*(?:\n  .*)*)$", body, flags=re.MULTILINE)]
-        for name, body in zip(sections[::2], sections[1::2])
+        for name, body in sections_of(text)
     }
 
 
@@ -80,12 +85,8 @@ def deviating_names(options):
 
 
 def examples_of(text):
-    """Of `volalign config commands`: sub-command -> lines of its example."""
-    sections = re.split(r"^## volalign (.+)$", text, flags=re.MULTILINE)[1:]
-    found = {}
-    for name, body in zip(sections[::2], sections[1::2]):
-        found[name] = re.findall(r"^    (volalign .+)$", body, flags=re.MULTILINE)
-    return found
+    """Sub-command -> lines of its example."""
+    return {name: re.findall(r"^    (volalign .+)$", body, flags=re.MULTILINE) for name, body in sections_of(text)}
 
 
 class WithoutEgl(InAFolder):

@@ -102,13 +102,12 @@ def write_orbbec_bag(path, depth_png, intrinsics_json):
         return record([("op", b"\x07"), connection, ("topic", topic.encode())], about) + record([("op", b"\x02"), connection], data)
 
     rows = read_png(depth_png)
-    width, height = len(rows[0]), len(rows)
-    samples = b"".join(struct.pack(f"<{width}H", *row) for row in rows)
+    height, width = rows.shape
     with open(intrinsics_json, encoding="utf-8") as file:
         camera = json.load(file)
     k1, k2, p1, p2, k3, k4, k5, k6 = camera["distortion"]
     header = bytes(12) + block(b"")
-    image = header + struct.pack("<II", height, width) + block(b"mono16") + struct.pack("<BI", 0, 2 * width) + block(samples)
+    image = header + struct.pack("<II", height, width) + block(b"mono16") + struct.pack("<BI", 0, 2 * width) + block(rows.astype("<u2").tobytes())
     image += struct.pack("<f4Q", 0, 1, 2, 3, 4) + block(b"") + struct.pack("<IB", 0, 16)
     profile = header + struct.pack("<BB9f3f3H4f8fB", 3, 1, *[0] * 12, width, height, 30, *(camera[key] for key in ("fx", "fy", "cx", "cy")),
                                    k1, k2, k3, k4, k5, k6, p1, p2, 4)

