@@ -1,13 +1,16 @@
 #include "train/optimizer.h"
 
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/cat.h>
 #include <ATen/ops/ones.h>
 #include <ATen/ops/rand.h>
 #include <gtest/gtest.h>
+#include <torch/optim/adam.h>
+#include <torch/optim/adamw.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -16,14 +19,21 @@
 namespace volalign::optimizer_test {
 namespace {
 
-/// Values on both sides of where the decay ends and of where a step's pieces meet.
-std::vector<std::int64_t> Watched(FlatModule& flat) {
-  const std::int64_t piece = 32768, weights = flat.num_weights(), n = flat.parameters().numel();
-  EXPECT_GT(weights, piece);
-  return {0, piece - 1, piece, weights - 1, weights, n - 1};
+/// LibTorch's, of values that decay and of others that do not.
+template <class Adam, class Options>
+std::unique_ptr<torch::optim::Optimizer> Reference(const std::vector<at::Tensor>& values,
+                                                   double decay) {
+  std::vector<torch::optim::OptimizerParamGroup> groups;
+  for (const at::Tensor& part : values) {
+    Options options;
+    options.betas({0.9, 0.99}).weight_decay(groups.empty() ? decay : 0);
+    groups.emplace_back(std::vector<at::Tensor>{part}, std::make_unique<Options>(options));
+  }
+  return std::make_unique<Adam>(groups, Options());
 }
 
-TEST(Adam, AgreesWithTheScalarAlgorithm) {
+TEST(Adam, IsLibTorchs) {
+  using namespace torch::optim;
   for (const OptimizerKind kind : {OptimizerKind::kAdam, OptimizerKind::kAdamW}) {
     for (const auto& [decay, clip] :
          std::vector<std::pair<double, double>>{{0, 0}, {0, 0.3}, {0.1, 0}, {0.1, 0.3}}) {
@@ -33,31 +43,27 @@ TEST(Adam, AgreesWithTheScalarAlgorithm) {
       config.optimizer = kind;
       config.weight_decay = decay;
       config.clip_norm = clip;
-      Optimizer adam(config, &flat);
-      const std::int64_t n = flat.parameters().numel();
-      const std::vector<std::int64_t> watched = Watched(flat);
-      std::vector<double> p, m(watched.size(), 0.0), v(watched.size(), 0.0);
-      for (std::int64_t i : watched) p.push_back(flat.parameters()[i].item<double>());
+      volalign::Optimizer adam(config, &flat);
+      const std::int64_t n = flat.parameters().numel(), weights = flat.num_weights();
+      EXPECT_GT(weights, 32768) << "a step takes several pieces";
+      const std::vector<at::Tensor> values =
+          flat.parameters().detach().clone().split_with_sizes({weights, n - weights});
+      const auto reference = kind == OptimizerKind::kAdam
+                                 ? Reference<Adam, AdamOptions>(values, decay)
+                                 : Reference<AdamW, AdamWOptions>(values, decay);
       for (int step = 1; step <= 5; ++step) {
         const at::Tensor g = at::rand({n}) - 0.5;
         flat.gradients().copy_(g);
-        const double norm = std::sqrt(g.to(at::kDouble).square().sum().item<double>());
-        const double lr = 0.01 / step;
+        const double lr = 0.01 / step, norm = g.norm().item<double>();
         adam.Step(lr, adam.GradientNorm());
         EXPECT_EQ(flat.gradients().abs().max().item<double>(), 0);
-        const double scale = clip > 0 ? std::min(1.0, clip / norm) : 1.0;
-        for (std::size_t i = 0; i < watched.size(); ++i) {
-          // Kingma and Ba 2015, algorithm 1; Loshchilov and Hutter 2019, algorithm 2, both ways.
-          double gi = scale * g[watched[i]].item<double>();
-          const bool weight = watched[i] < flat.num_weights();
-          if (weight && kind == OptimizerKind::kAdam) gi += decay * p[i];
-          m[i] = 0.9 * m[i] + 0.1 * gi;
-          v[i] = 0.99 * v[i] + 0.01 * gi * gi;
-          if (weight && kind == OptimizerKind::kAdamW) p[i] -= lr * decay * p[i];
-          p[i] -= lr * (m[i] / (1 - std::pow(0.9, step))) /
-                  (std::sqrt(v[i] / (1 - std::pow(0.99, step))) + 1e-8);
-          EXPECT_NEAR(flat.parameters()[watched[i]].item<double>(), p[i], 2e-6) << step << " " << i;
+        const at::Tensor clipped = g * (clip > 0 ? std::min(1.0, clip / norm) : 1.0);
+        for (std::size_t i = 0; i < 2; ++i) {
+          values[i].mutable_grad() = clipped.split_with_sizes({weights, n - weights})[i];
+          reference->param_groups()[i].options().set_lr(lr);
         }
+        reference->step();
+        EXPECT_LT((flat.parameters() - at::cat(values)).abs().max().item<double>(), 2e-6) << step;
       }
     }
   }
