@@ -21,7 +21,6 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "tests/core/base/expect_error.h"
@@ -208,33 +207,6 @@ TEST(FileUtil, AFileThatShrinksWhileItIsRead) {
     other.join();
   }
   std::printf("%d of 40 were cut while they were read\n", refused);
-}
-
-// As another user, where this one may write everywhere.
-TEST(FileUtil, AFolderThatMayNotBeWrittenInto) {
-  const TempFolder folder;
-  fs::permissions(folder.path(), fs::perms::owner_read | fs::perms::owner_exec |
-                                     fs::perms::others_read | fs::perms::others_exec);
-  const pid_t child = ::fork();
-  if (child == 0) {
-    if (::geteuid() == 0 && ::setuid(65534) != 0) ::_exit(1);
-    try {
-      WriteFileAtomically(folder / "file", "text");
-    } catch (const IoError& error) {
-      const std::string message = error.what();
-      ::_exit(message.find("Permission denied") != std::string::npos &&
-                      message.find(folder.path().string()) != std::string::npos
-                  ? 0
-                  : 2);
-    }
-    ::_exit(3);
-  }
-  int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
-  EXPECT_TRUE(WIFEXITED(status)) << status;
-  EXPECT_EQ(WEXITSTATUS(status), 0);
-  fs::permissions(folder.path(), fs::perms::owner_all);
-  EXPECT_TRUE(fs::is_empty(folder.path()));
 }
 
 TEST(FolderLock, IsOneProcesssUntilItGoes) {

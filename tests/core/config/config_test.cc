@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/input_file.h"
 #include "core/config/bounded_yaml.h"
@@ -500,29 +499,6 @@ TEST(WriteConfig, ReadsBackEqual) {
     EXPECT_EQ(read.train.samples, config.train.samples);
     EXPECT_EQ(read.words, config.words);
   }
-}
-
-TEST(WriteConfig, IsPlainYaml) {
-  Config config;
-  config.sensors.resize(1);
-  EXPECT_EQ(WriteConfig(config),
-            "name: \"run\"\n"
-            "train:\n"
-            "  lr: 0.0002\n"
-            "  betas: [0.9, 0.99]\n"
-            "  batch: 16\n"
-            "  samples: 3200000\n"
-            "  resume: false\n"
-            "  schedule: \"constant\"\n"
-            "roll_offsets_deg: [90]\n"
-            "words: []\n"
-            "sensors:\n"
-            "  - name: \"sensor\"\n"
-            "    rho_cm: 200\n"
-            "    look_at_cm: [0, 0, 0]\n"
-            "    tags: []\n"
-            "scale: 0.10000000149011612\n"
-            "small: 7\n");
 }
 
 // DocumentConfig: docs/config.md, which tests/cli/command_line.py compares.

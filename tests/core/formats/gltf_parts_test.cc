@@ -9,13 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/random.h"
 #include "core/formats/structure_gltf.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/formats/glb_chunks.h"
 #include "tests/core/geometry/mesh_shapes.h"
@@ -57,9 +55,6 @@ TEST(WriteStructureGlb, TheFileIsWhatTheDesignSays) {
     WriteStructureGlb(folder / "a.glb", structure);
     const GlbChunks glb(ReadFile(folder / "a.glb"));
     const json& root = glb.document;
-    EXPECT_EQ(root.at("asset").at("version"), "2.0");
-    ASSERT_EQ(root.at("buffers").size(), 1u);
-    EXPECT_FALSE(root.at("buffers")[0].contains("uri"));
     const json& nodes = glb.Item("scenes", root.at("scene")).at("nodes");
     ASSERT_EQ(nodes.size(), structure.boxes().size());
     for (std::size_t i = 0; i < nodes.size(); ++i) {

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/plot/picture_text.h"
 #include "core/plot/svg.h"
 #include "tests/core/base/expect_error.h"
@@ -183,22 +182,6 @@ TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
   EXPECT_EQ(Shortened("abcdefg", 6), "abcd..");
   EXPECT_EQ(Shortened("\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9", 3), "\xc3\xa9..");
   EXPECT_EQ(CountCharacters("\xc3\xa9t\xc3\xa9"), 3);
-}
-
-TEST(Svg, IsTheseElements) {
-  Svg svg(20, 10, ".a{stroke:#444}", -5);
-  svg.Line({0, 1}, {2, 3.25}, "class=\"a\"");
-  svg.Polygon({{0, 0}, {1, 0}, {1, 1}}, "fill=\"none\"");
-  svg.Text({3, 4}, "up", "text-anchor=\"middle\"");
-  EXPECT_EQ(svg.Finished(),
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"20\" height=\"10\" "
-            "viewBox=\"-5 0 20 10\" font-family=\"sans-serif\" font-size=\"13\">\n"
-            "<style>text{fill:#222}.a{stroke:#444}</style>\n"
-            "<rect x=\"-5\" width=\"20\" height=\"10\" fill=\"#fff\"/>\n"
-            "<line x1=\"0.0\" y1=\"1.0\" x2=\"2.0\" y2=\"3.2\" class=\"a\"/>\n"
-            "<polygon points=\"0.0,0.0 1.0,0.0 1.0,1.0 \" fill=\"none\"/>\n"
-            "<text x=\"3.0\" y=\"4.0\" text-anchor=\"middle\">up</text>\n"
-            "</svg>\n");
 }
 
 TEST(Svg, EscapesTextsAndTitles) {

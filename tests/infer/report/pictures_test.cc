@@ -208,29 +208,9 @@ TEST(MakePanels, TurnsFramesUprightAndThinsLargeOnes) {
 
 using nlohmann::json;
 
-/// Accessors are checked by core/formats/gltf_parts_test.
+/// Accessors are checked by core/formats/gltf_parts_test, the tree of nodes by report/rig.
 struct Glb : GlbChunks {
-  explicit Glb(const std::string& bytes) : GlbChunks(bytes) {
-    EXPECT_EQ(document["asset"]["version"], "2.0");
-    EXPECT_LE(document["buffers"][0]["byteLength"].get<std::size_t>(), binary.size());
-    CheckTree();
-  }
-
-  /// Every node has one parent at most, and is reached from the scene.
-  void CheckTree() {
-    std::vector<int> reached(document["nodes"].size(), 0);
-    std::vector<std::size_t> open = document["scenes"][0]["nodes"];
-    while (!open.empty()) {
-      const std::size_t node = open.back();
-      open.pop_back();
-      ASSERT_LT(node, reached.size());
-      ASSERT_EQ(++reached[node], 1);
-      for (const json& child : document["nodes"][node].value("children", json::array()))
-        open.push_back(child);
-    }
-    EXPECT_EQ(std::count(reached.begin(), reached.end(), 1),
-              static_cast<std::ptrdiff_t>(reached.size()));
-  }
+  using GlbChunks::GlbChunks;
 
   const json& Node(const std::string& name) const {
     for (const json& node : document["nodes"]) {

@@ -14,7 +14,6 @@
 #include <sstream>
 #include <string>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/base/random.h"
 #include "core/config/config_word.h"
@@ -552,13 +551,6 @@ TEST_F(PosesTest, OpencvReadsAndProjects) {
   EXPECT_EQ(i, poses_.size());
 }
 
-/// q v q*, as the algebra has it, whatever the handedness of the axes.
-Eigen::Vector3d Rotate(const nlohmann::json& q, const Eigen::Vector3d& v) {
-  const Eigen::Vector3d u(q["x"], q["y"], q["z"]);
-  const double w = q["w"];
-  return 2 * u.dot(v) * u + (w * w - u.dot(u)) * v + 2 * w * u.cross(v);
-}
-
 // What a sensor sees ahead, at the top of its picture and on its right is there in Unity, too, for
 // a transform that looks along +z with +y up and +x right.
 TEST_F(PosesTest, UnityLooksAtTheSameThings) {
@@ -567,7 +559,10 @@ TEST_F(PosesTest, UnityLooksAtTheSameThings) {
     const nlohmann::json& sensor = file["sensors"][i];
     const Eigen::Vector3d position(sensor["position"]["x"], sensor["position"]["y"],
                                    sensor["position"]["z"]);
-    EXPECT_GE(sensor["rotation"]["w"].get<double>(), 0) << "of two quaternions, that one";
+    // q v q* is the algebra's, whatever the handedness of the axes.
+    const nlohmann::json& q = sensor["rotation"];
+    const Eigen::Quaterniond rotation(q["w"], q["x"], q["y"], q["z"]);
+    EXPECT_GE(rotation.w(), 0) << "of two quaternions, that one";
     const auto in_unity = [](const Eigen::Vector3d& p) {
       return Eigen::Vector3d(-p.x(), p.y(), p.z());
     };
@@ -575,7 +570,7 @@ TEST_F(PosesTest, UnityLooksAtTheSameThings) {
         {{0, 0, 2}, {0, 0, 2}}, {{0, -1, 0}, {0, 1, 0}}, {{1, 0, 0}, {1, 0, 0}}};
     for (const auto& [sensor_point, unity_point] : points) {
       const Eigen::Vector3d expected = in_unity(poses_[i].structure_from_sensor * sensor_point);
-      EXPECT_LT((position + Rotate(sensor["rotation"], unity_point) - expected).norm(), 1e-9);
+      EXPECT_LT((position + rotation * unity_point - expected).norm(), 1e-9);
     }
   }
 }

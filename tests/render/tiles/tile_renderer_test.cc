@@ -107,22 +107,6 @@ TEST_P(TileRendererBy, FacesNearerThanTheNearPlaneAreNotSeen) {
   EXPECT_GT(seen, 1000);
 }
 
-TEST(TileRendererTest, EdgesLieWhereTheyProject) {
-  // A square of which the corners project to pixels 20.5, 60.5 and 30.5, 50.5.
-  const Intrinsics k{96, 80, 100, 100, 40, 40, {}};
-  SceneMesh mesh;
-  const auto corner = [&](double u, double v) {
-    return Eigen::Vector3d((u - k.cx) / k.fx * 2, (v - k.cy) / k.fy * 2, 2);
-  };
-  mesh.AppendQuad({corner(20.5, 30.5), corner(20.5, 50.5), corner(60.5, 50.5), corner(60.5, 30.5)},
-                  -Eigen::Vector3d::UnitZ(), 9);
-  TileRenderer renderer;
-  RenderedView view;
-  renderer.Render(mesh, k, Pose::Identity(), &view);
-  for (const auto [u, v] : Pixels(k.width, k.height))
-    EXPECT_EQ(view.labels(u, v), u > 20 && u <= 60 && v > 30 && v <= 50 ? 9 : 0);
-}
-
 // Small squares beside the picture's borders, inside, in pictures of either orientation and off
 // their axis.
 TEST(TileRendererTest, WhatIsInAnyCornerIsSeen) {
