@@ -11,7 +11,6 @@
 
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <initializer_list>
@@ -20,19 +19,92 @@
 #include <utility>
 #include <vector>
 
-#include "core/base/error.h"
 #include "infer/capture/capture.h"
+#include "infer/formats/read_budget.h"
 #include "infer/formats/recording.h"
 #include "tests/core/base/expect_error.h"
-#include "tests/core/base/read_file.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/infer/formats/bag_writer.h"
-#include "tests/infer/formats/write_database.h"
 
 namespace volalign::described_recordings_test {
 namespace {
 
-using namespace bag_writer;
+using namespace formats_internal;
+
+// Bags of ROS 1 (wiki.ros.org/Bags/Format/2.0), and databases.
+
+template <class T>
+std::string Bytes(T value) {
+  return std::string(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+std::string Block(const std::string& bytes) {
+  return Bytes(static_cast<std::uint32_t>(bytes.size())) + bytes;
+}
+
+using Fields = std::initializer_list<std::pair<std::string, std::string>>;
+
+std::string Header(const Fields& fields) {
+  std::string bytes;
+  for (const auto& [name, value] : fields) bytes += Block(name + "=" + value);
+  return bytes;
+}
+
+std::string Record(const Fields& fields, const std::string& data) {
+  return Block(Header(fields)) + Block(data);
+}
+
+std::string Connection(std::uint32_t number, const std::string& topic, const std::string& type) {
+  return Record({{"op", "\x07"}, {"conn", Bytes(number)}, {"topic", topic}},
+                Header({{"type", type}}));
+}
+
+std::string Message(std::uint32_t connection, const std::string& data) {
+  return Record({{"op", "\x02"}, {"conn", Bytes(connection)}}, data);
+}
+
+/// A message on a connection of its own.
+struct Topic {
+  std::string name, type, data;
+};
+std::string Records(const std::vector<Topic>& topics) {
+  std::string records;
+  for (std::uint32_t i = 0; i < topics.size(); ++i)
+    records += Connection(i, topics[i].name, topics[i].type) + Message(i, topics[i].data);
+  return records;
+}
+
+/// What the messages of ROS 1 begin with.
+std::string MessageHeader(const std::string& frame = "") {
+  return std::string(12, '\0') + Block(frame);
+}
+
+/// `data` is `content` as `compression` packs it.
+std::string PackedChunk(const std::string& content, const std::string& compression,
+                        const std::string& data) {
+  return Record({{"op", "\x05"},
+                 {"compression", compression},
+                 {"size", Bytes(static_cast<std::uint32_t>(content.size()))}},
+                data);
+}
+std::string Chunk(const std::string& content, const std::string& compression = "none") {
+  return PackedChunk(content, compression, content);
+}
+
+std::string Bag(const std::string& records) {
+  const std::uint64_t no_index = 0;
+  return "#ROSBAG V2.0\n" + Record({{"op", "\x03"}, {"index_pos", Bytes(no_index)}}, "") + records;
+}
+
+/// a.db3, anew, with what the statements make of it.
+std::string WriteDatabase(const TempFolder& folder, const std::string& sql) {
+  std::string path = (folder / "a.db3").string();
+  std::filesystem::remove(path);
+  sqlite3* database = nullptr;
+  EXPECT_EQ(sqlite3_open(path.c_str(), &database), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
+  sqlite3_close(database);
+  return path;
+}
 
 constexpr int kWidth = 3, kHeight = 2;
 /// Both bytes of each value differ, so that a byte order is told from the other one.
@@ -634,6 +706,26 @@ TEST(DescribedBag, ColourCameraOfRealSense) {
   EXPECT_EQ(streams[0].intrinsics.value().fx, 2);
 }
 
+TEST(DescribedBag, SaysWhatIsDamaged) {
+  const TempFolder folder;
+  const auto read = [&](const std::string& bytes) {
+    ReadRecording(folder.Write("c.bag", bytes), 1);
+  };
+  const auto expect = [&](const std::string& records, const std::string& part) {
+    ExpectError<DataError>([&] { read(Bag(records)); }, {"c.bag", part});
+  };
+  expect(Chunk(Message(5, "one")), "unknown connection");
+  expect(Chunk("x", "zip"), "\"zip\"");
+  expect(Chunk("no stream of bz2", "bz2"), "bz2");
+  expect(Chunk("no frame of lz4", "lz4"), "lz4");
+  expect(Chunk(Bytes<std::uint32_t>(1000)), "1000 bytes are announced");
+  std::string connections;
+  for (std::uint32_t i = 0; i < 1001; ++i) connections += Connection(i, "/a", "b/C");
+  expect(connections, "1000 topics");
+  ExpectError<DataError>([&] { read("#ROSBAG V1.2\n"); }, {"c.bag", "2.0"});
+  EXPECT_THROW(read("#ROSBAG V2.0\n" + Chunk("")), DataError);
+}
+
 std::string CdrText(const std::string& text) {
   return MessageWriter(Ros::k2).AddText(text).bytes();
 }
@@ -746,6 +838,62 @@ TEST(DescribedDb3, ATextIsBounded) {
       {depth, {"/device_0/sensor_0/Depth_0/tf/ref_1", "std_msgs/msg/String", CdrText(long_text)}},
       "a text of");
   expect({{"/" + std::string(2000, 'a'), depth.type, depth.data}}, "a text of 2001 bytes");
+}
+
+constexpr char kTopics[] =
+    "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT);"
+    "INSERT INTO topics VALUES(1, '/depth', 'sensor_msgs/msg/Image', 'cdr');";
+constexpr char kMessages[] =
+    "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB);";
+
+// What a bag says is data, never a part of a statement.
+TEST(DescribedDb3, AStatementForAnIdIsData) {
+  const TempFolder folder;
+  const std::string path = WriteDatabase(
+      folder, std::string(kMessages) +
+                  "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
+                  "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
+                  "'sensor_msgs/msg/Image', 'cdr');");
+  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"a.db3", "topic", "id"});
+}
+
+// A view runs what it likes, for ever; a table's column may be made up, too.
+TEST(DescribedDb3, ViewsAreRefused) {
+  const TempFolder folder;
+  constexpr char kForEver[] =
+      "CREATE VIEW messages(id, topic_id, timestamp, data) AS WITH RECURSIVE n(i) AS "
+      "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, 2, i, 'x' FROM n;";
+  const auto expect = [&](const std::string& sql, std::initializer_list<std::string> parts) {
+    const std::string file = WriteDatabase(folder, sql);
+    EXPECT_TRUE(Has(ExpectError<DataError>([&] { ReadRecording(file, 3); }, parts), "a.db3"));
+  };
+  expect(std::string(kTopics) + kForEver, {"table messages"});
+  expect(std::string(kMessages) +
+             "CREATE VIEW topics AS SELECT 1 AS id, '/depth' AS name, "
+             "'' AS type, 'cdr' AS serialization_format;",
+         {"table topics"});
+  expect(std::string(kTopics) +
+             "CREATE TABLE messages(id INTEGER, topic_id INTEGER, "
+             "timestamp INTEGER, data AS (zeroblob(900000000)));"
+             "INSERT INTO messages VALUES(1, 1, 1);",
+         {"column data", "computed"});
+}
+
+TEST(DescribedDb3, HasLimits) {
+  const TempFolder folder;
+  std::string sql = std::string(kTopics) + kMessages + "BEGIN;";
+  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO messages VALUES(1, 2, 3, 'x');";
+  const std::string many = WriteDatabase(folder, sql + "COMMIT;");
+  const auto read = [&](std::uint64_t steps) {
+    ReadBudget budget(steps);
+    return ReadRos2Recording(many, "a.db3", 3, &budget);
+  };
+  EXPECT_TRUE(read(1000000).streams.empty());
+  ExpectError<DataError>([&] { read(2000); }, {"a.db3", "interrupted"});
+  sql = std::string(kTopics) + kMessages + "BEGIN;";
+  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO topics VALUES(1, '/a', 'b', 'cdr');";
+  const std::string topics = WriteDatabase(folder, sql + "COMMIT;");
+  ExpectError<DataError>([&] { ReadRecording(topics, 3); }, {"a.db3", "1000 topics"});
 }
 
 TEST(DescribedMcap, ManyStreamsOfLongNames) {

@@ -7,7 +7,6 @@
 #include <string_view>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "infer/capture/capture.h"
 #include "infer/formats/byte_reader.h"
@@ -18,8 +17,6 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"
-#include "tests/infer/formats/bag_writer.h"
-#include "tests/infer/formats/write_database.h"
 
 // Recordings that other programs wrote: realsense.bag by librealsense 2.56's recorder from a
 // software device, realsense.db3 by that of 2.59, kinect.mkv by ffmpeg and mkvmerge
@@ -27,7 +24,6 @@
 namespace volalign::recording_test {
 namespace {
 
-using namespace bag_writer;
 using namespace formats_internal;
 
 constexpr char kBag[] = "tests/infer/formats/recordings/realsense.bag";
@@ -81,62 +77,6 @@ TEST(RecordingTest, DamagedDb3) {
   for (std::size_t at = 0; (at = other.find(png, at)) != std::string::npos; ++at) other[at] = 'x';
   WriteFileAtomically(folder / "png.db3", other);
   ExpectError<DataError>([&] { ReadRecording(folder / "png.db3", 3); }, {"png.db3"});
-}
-
-constexpr char kTopics[] =
-    "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT);"
-    "INSERT INTO topics VALUES(1, '/depth', 'sensor_msgs/msg/Image', 'cdr');";
-constexpr char kMessages[] =
-    "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB);";
-
-// What a bag says is data, never a part of a statement.
-TEST(RecordingTest, Db3WithAStatementForAnId) {
-  const TempFolder folder;
-  const std::string path = WriteDatabase(
-      folder, std::string(kMessages) +
-                  "CREATE TABLE topics(id TEXT, name TEXT, type TEXT, serialization_format TEXT);"
-                  "INSERT INTO topics VALUES('0 UNION SELECT ''INJECTED'' --', '/depth', "
-                  "'sensor_msgs/msg/Image', 'cdr');");
-  ExpectError<DataError>([&] { ReadRecording(path, 3); }, {"a.db3", "topic", "id"});
-}
-
-// A view runs what it likes, for ever; a table's column may be made up, too.
-TEST(RecordingTest, Db3OfViews) {
-  const TempFolder folder;
-  constexpr char kForEver[] =
-      "CREATE VIEW messages(id, topic_id, timestamp, data) AS WITH RECURSIVE n(i) AS "
-      "(SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i, 2, i, 'x' FROM n;";
-  const auto expect = [&](const std::string& sql, std::initializer_list<std::string> parts) {
-    const std::string file = WriteDatabase(folder, sql);
-    EXPECT_TRUE(Has(ExpectError<DataError>([&] { ReadRecording(file, 3); }, parts), "a.db3"));
-  };
-  expect(std::string(kTopics) + kForEver, {"table messages"});
-  expect(std::string(kMessages) +
-             "CREATE VIEW topics AS SELECT 1 AS id, '/depth' AS name, "
-             "'' AS type, 'cdr' AS serialization_format;",
-         {"table topics"});
-  expect(std::string(kTopics) +
-             "CREATE TABLE messages(id INTEGER, topic_id INTEGER, "
-             "timestamp INTEGER, data AS (zeroblob(900000000)));"
-             "INSERT INTO messages VALUES(1, 1, 1);",
-         {"column data", "computed"});
-}
-
-TEST(RecordingTest, Db3HasLimits) {
-  const TempFolder folder;
-  std::string sql = std::string(kTopics) + kMessages + "BEGIN;";
-  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO messages VALUES(1, 2, 3, 'x');";
-  const std::string many = WriteDatabase(folder, sql + "COMMIT;");
-  const auto read = [&](std::uint64_t steps) {
-    ReadBudget budget(steps);
-    return ReadRos2Recording(many, "a.db3", 3, &budget);
-  };
-  EXPECT_TRUE(read(1000000).streams.empty());
-  ExpectError<DataError>([&] { read(2000); }, {"a.db3", "interrupted"});
-  sql = std::string(kTopics) + kMessages + "BEGIN;";
-  for (int i = 0; i < 1000; ++i) sql += "INSERT INTO topics VALUES(1, '/a', 'b', 'cdr');";
-  const std::string topics = WriteDatabase(folder, sql + "COMMIT;");
-  ExpectError<DataError>([&] { ReadRecording(topics, 3); }, {"a.db3", "1000 topics"});
 }
 
 TEST(RecordingTest, AzureKinectMkv) {
@@ -251,28 +191,6 @@ TEST(RecordingTest, RecordingsThatEndTooEarly) {
   ExpectError<IoError>([&] { ReadRecording(folder / "none.bag", 1); }, {"none.bag"});
   ExpectError<DataError>([&] { ReadRecording(folder.Write("no.bag", "none"), 1); },
                          {"no.bag", "neither a bag of ROS"});
-}
-
-// A bag written by hand, after wiki.ros.org/Bags/Format/2.0.
-
-TEST(RosBag, SaysWhatIsDamaged) {
-  const TempFolder folder;
-  const auto read = [&](const std::string& bytes) {
-    ReadRecording(folder.Write("c.bag", bytes), 1);
-  };
-  const auto expect = [&](const std::string& records, const std::string& part) {
-    ExpectError<DataError>([&] { read(Bag(records)); }, {"c.bag", part});
-  };
-  expect(Chunk(Message(5, "one")), "unknown connection");
-  expect(Chunk("x", "zip"), "\"zip\"");
-  expect(Chunk("no stream of bz2", "bz2"), "bz2");
-  expect(Chunk("no frame of lz4", "lz4"), "lz4");
-  expect(Chunk(Bytes<std::uint32_t>(1000)), "1000 bytes are announced");
-  std::string connections;
-  for (std::uint32_t i = 0; i < 1001; ++i) connections += Connection(i, "/a", "b/C");
-  expect(connections, "1000 topics");
-  ExpectError<DataError>([&] { read("#ROSBAG V1.2\n"); }, {"c.bag", "2.0"});
-  EXPECT_THROW(read("#ROSBAG V2.0\n" + Chunk("")), DataError);
 }
 
 TEST(IsDepth, GoesByTheEncodingAndTheName) {

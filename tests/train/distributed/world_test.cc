@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <sstream>
@@ -13,10 +14,11 @@
 #include <thread>
 #include <vector>
 
-#include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
+#include "tests/train/tiny_net.h"
+#include "train/distributed/flat_module.h"
 #include "train/distributed/launch.h"
 #include "train/distributed/process_group.h"
 
@@ -127,6 +129,28 @@ TEST(LaunchProcesses, EndsWhereStatusesWouldBeLost) {
 TEST(OwnCommand, IsThisProgramsCommandLine) {
   const std::vector<std::string> command = OwnCommand();
   EXPECT_TRUE(Has(command.at(0), "train_distributed_tests")) << command[0];
+}
+
+/// With attention, whose bias is a single number.
+TEST(FlatModule, SlotsAreAlignedAndApart) {
+  StructureNet net = TinyNet(Normalization::kBatch);
+  FlatModule flat(*net);
+  const auto address = [](const at::Tensor& t) {
+    return reinterpret_cast<std::uintptr_t>(t.data_ptr<float>());
+  };
+  const auto aligned = [&](const at::Tensor& t) { return address(t) % 64 == 0; };
+  std::int64_t end = 0, single = 0;
+  for (std::size_t i = 0; i < flat.tensors().size(); ++i) {
+    const at::Tensor& p = flat.tensors()[i];
+    EXPECT_TRUE(aligned(p) && aligned(p.grad())) << i;
+    EXPECT_EQ(address(p) - address(flat.parameters()), 4u * flat.offset(i));
+    EXPECT_GE(flat.offset(i), end);
+    EXPECT_EQ(p.dim() > 1, flat.offset(i) < flat.num_weights()) << i;
+    end = flat.offset(i) + p.numel();
+    single += p.numel() == 1;
+  }
+  EXPECT_GT(single, 0);
+  for (const at::Tensor& b : net->buffers()) EXPECT_TRUE(aligned(b));
 }
 
 }  // namespace
