@@ -1,10 +1,9 @@
-// OpenEXR by its own library, from memory.
+// OpenEXR by its own library.
 
 #include <ImathBox.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -14,7 +13,7 @@
 #include <cstdint>
 #include <cstring>
 #include <exception>
-#include <stdexcept>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -25,29 +24,6 @@
 namespace volalign::formats_internal {
 
 namespace {
-
-class Memory : public Imf::IStream {
- public:
-  Memory(const std::string& bytes, const std::string& name)
-      : Imf::IStream(name.c_str()), bytes_(bytes) {}
-
-  bool read(char out[], int count) override {
-    if (count < 0 || static_cast<std::size_t>(count) > bytes_.size() - at_)
-      throw std::runtime_error("the file is truncated");
-    std::memcpy(out, bytes_.data() + at_, static_cast<std::size_t>(count));
-    at_ += static_cast<std::size_t>(count);
-    return at_ < bytes_.size();
-  }
-  std::uint64_t tellg() override { return at_; }
-  void seekg(std::uint64_t position) override {
-    if (position > bytes_.size()) throw std::runtime_error("the file is truncated");
-    at_ = static_cast<std::size_t>(position);
-  }
-
- private:
-  const std::string& bytes_;
-  std::size_t at_ = 0;
-};
 
 /// Throws DataError for an attribute that is larger than the file, because OpenEXR takes the memory
 /// before it reads. The file layout (openexr.com) is name, type, size, value; an empty name ends a
@@ -123,11 +99,11 @@ Image<float> ReadChannel(Imf::InputFile& file, const std::string& channel, int w
 
 }  // namespace
 
-StoredDepth DecodeExr(const std::string& bytes, const std::string& name) {
+StoredDepth ReadExr(const std::filesystem::path& path, const std::string& bytes) {
+  const std::string name = path.string();
   try {
     RequireAttributesInside(bytes, name);
-    Memory memory(bytes, name);
-    Imf::InputFile file(memory);
+    Imf::InputFile file(name.c_str());
     const Imath::Box2i window = file.header().dataWindow();
     const long long width = 1LL + window.max.x - window.min.x;
     const long long height = 1LL + window.max.y - window.min.y;

@@ -72,9 +72,9 @@ StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budge
   if (BeginsWith(bytes, "\x93NUMPY")) {
     depth = DecodeNpy(bytes, name);
   } else if (IsTiff(bytes)) {
-    depth = DecodeTiff(bytes, name);
+    depth = ReadTiff(path);
   } else if (BeginsWith(bytes, "\x76\x2f\x31\x01")) {
-    depth = DecodeExr(bytes, name);
+    depth = ReadExr(path, bytes);
   } else if (BeginsWith(bytes, "\x89PNG") || BeginsWith(bytes, "P2") || BeginsWith(bytes, "P5")) {
     depth = FromImage16(DecodeDepth(bytes, name));
   } else {

@@ -68,10 +68,10 @@ float DecodeSample(const SampleType& type, const char* bytes);
 /// Depth of whole numbers.
 StoredDepth FromImage16(const Image16& image);
 
-/// Decode whole files in memory. `name` begins every message. Values are as stored.
+/// Read files whose values are as stored. `bytes`: the whole file. `name` begins every message.
 StoredDepth DecodeNpy(const std::string& bytes, const std::string& name);
-StoredDepth DecodeTiff(const std::string& bytes, const std::string& name);
-StoredDepth DecodeExr(const std::string& bytes, const std::string& name);
+StoredDepth ReadTiff(const std::filesystem::path& path);
+StoredDepth ReadExr(const std::filesystem::path& path, const std::string& bytes);
 
 }  // namespace formats_internal
 

@@ -1,20 +1,20 @@
 // NumPy's NPY, versions 1 to 3 (numpy/lib/format.py describes the format).
 
 #include <fmt/format.h>
+#include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <string>
 #include <string_view>
 
 #include "core/base/error.h"
 #include "core/base/text.h"
+#include "core/config/bounded_yaml.h"
 #include "infer/formats/depth_file.h"
-#include "infer/formats/text_scanner.h"
 
 namespace volalign::formats_internal {
 
 namespace {
-
-constexpr std::size_t kMostDimensionDigits = 9;  // of a dimension
 
 struct NpyHeader {
   SampleType type;
@@ -22,6 +22,10 @@ struct NpyHeader {
   int rows = 0, columns = 0;
   std::size_t data_at = 0;
 };
+
+bool IsOneOf(char letter, std::string_view letters) {
+  return letters.find(letter) != std::string_view::npos;
+}
 
 NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   if (bytes.size() < 12) throw DataError(name + ": truncated NPY");
@@ -34,55 +38,34 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
   NpyHeader header;
   header.data_at = 8 + length_bytes + length;
   if (header.data_at > bytes.size() || length > 65536) throw DataError(name + ": truncated NPY");
+  // A Python dictionary of these three is YAML, but for the brackets of the shape.
   std::string dictionary = bytes.substr(8 + length_bytes, length);
-  dictionary.erase(dictionary.find_last_not_of(" \n") + 1);  // padding
-
-  const auto require = [&](bool found, const char* what) {
+  std::replace(dictionary.begin(), dictionary.end(), '(', '[');
+  std::replace(dictionary.begin(), dictionary.end(), ')', ']');
+  const auto require = [&](bool found, const std::string& what) {
     if (found) return;
     throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
                                 Shortened(dictionary)));
   };
-  // A Python dictionary with these three keys, as numpy writes it.
-  TextScanner scanner(dictionary);
-  const auto take = [&](std::string_view word) {
-    scanner.SkipBlanks();
-    return scanner.Take(word);
-  };
-  bool has_type = false, has_order = false, has_shape = false;
-  require(take("{"), "a dictionary");
-  while (!take("}")) {
-    if (!has_type && take("'descr'") && take(":")) {
-      const bool quoted = take("'");
-      const char order = scanner.TakeOneOf("<>|=");
-      header.type.kind = scanner.TakeOneOf("uif");
-      const char size = scanner.TakeOneOf("1248");
-      has_type = quoted && order && header.type.kind && size && scanner.Take("'");
-      require(has_type, "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
-      header.type.big_endian = order == '>';
-      header.type.size = static_cast<std::size_t>(size - '0');
-    } else if (!has_order && take("'fortran_order'") && take(":")) {
-      header.fortran_order = take("True");
-      has_order = header.fortran_order || take("False");
-      require(has_order, "'fortran_order'");
-    } else if (!has_shape && take("'shape'") && take(":")) {
-      const bool opened = take("(");
-      scanner.SkipBlanks();
-      header.rows = scanner.TakeNumber(kMostDimensionDigits);
-      const bool two = take(",");
-      scanner.SkipBlanks();
-      header.columns = scanner.TakeNumber(kMostDimensionDigits);
-      take(",");
-      has_shape = opened && two && header.rows >= 0 && header.columns >= 0 && take(")");
-      require(has_shape, "'shape' of two dimensions (height, width)");
-    } else {
-      require(false, "'descr', 'fortran_order' and 'shape', each once");
-    }
-    require(take(",") || scanner.rest().substr(0, 1) == "}", "a comma");
+  try {
+    const YAML::Node root = LoadYaml(dictionary);
+    const bool whole =
+        root.IsMap() && root.size() == 3 && root["descr"] && root["fortran_order"] && root["shape"];
+    require(whole, "a dictionary of 'descr', 'fortran_order' and 'shape', each once,");
+    const auto type = root["descr"].as<std::string>(), order = root["fortran_order"].Scalar();
+    require(type.size() == 3 && IsOneOf(type[0], "<>|=") && IsOneOf(type[1], "uif") &&
+                IsOneOf(type[2], "1248") && type.substr(1) != "f1",
+            "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
+    header.type = {type[1], static_cast<std::size_t>(type[2] - '0'), type[0] == '>'};
+    require(order == "True" || order == "False", "'fortran_order'");
+    header.fortran_order = order == "True";
+    const YAML::Node shape = root["shape"];
+    require(shape.IsSequence() && shape.size() == 2, "'shape' of two dimensions (height, width)");
+    header.rows = shape[0].as<int>();
+    header.columns = shape[1].as<int>();
+  } catch (const YAML::Exception& error) {
+    require(false, YamlProblem(error) + ": a dictionary of Python");
   }
-  require(has_type && has_order && has_shape && scanner.rest().empty(),
-          "'descr', 'fortran_order' and 'shape', each once");
-  if (header.type.kind == 'f' && header.type.size < 2)
-    throw DataError(name + ": bad NPY header: f1");
   return header;
 }
 

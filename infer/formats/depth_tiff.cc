@@ -1,4 +1,4 @@
-// TIFF by libtiff, from memory: nothing in a file makes it open another one.
+// TIFF by libtiff: nothing in a file makes it open another one.
 
 #include <fmt/format.h>
 #include <tiffio.h>
@@ -7,7 +7,7 @@
 #include <cstdarg>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -19,34 +19,6 @@
 namespace volalign::formats_internal {
 
 namespace {
-
-struct TiffBytes {
-  const std::string* bytes;
-  std::size_t at = 0;
-};
-
-tsize_t Read(thandle_t handle, tdata_t out, tsize_t size) {
-  auto* memory = static_cast<TiffBytes*>(handle);
-  if (size < 0 || memory->at > memory->bytes->size()) return 0;
-  const std::size_t count =
-      std::min(static_cast<std::size_t>(size), memory->bytes->size() - memory->at);
-  std::memcpy(out, memory->bytes->data() + memory->at, count);
-  memory->at += count;
-  return static_cast<tsize_t>(count);
-}
-
-tsize_t Write(thandle_t, tdata_t, tsize_t) { return 0; }
-
-toff_t Seek(thandle_t handle, toff_t offset, int whence) {
-  auto* memory = static_cast<TiffBytes*>(handle);
-  if (whence == SEEK_CUR) offset += memory->at;
-  if (whence == SEEK_END) offset += memory->bytes->size();
-  memory->at = static_cast<std::size_t>(offset);
-  return offset;
-}
-
-int Close(thandle_t) { return 0; }
-toff_t Size(thandle_t handle) { return static_cast<TiffBytes*>(handle)->bytes->size(); }
 
 /// Handlers of one open file. They return 1, so that the process's own handlers are not called.
 int OnError(TIFF*, void* last_error, const char* module, const char* format, va_list arguments) {
@@ -133,20 +105,18 @@ void ReadLines(TIFF* tiff, const Layout& layout, const std::string& name,
 
 }  // namespace
 
-StoredDepth DecodeTiff(const std::string& bytes, const std::string& name) {
+StoredDepth ReadTiff(const std::filesystem::path& path) {
+  const std::string name = path.string();
   std::string last_error;
   const std::unique_ptr<TIFFOpenOptions, void (*)(TIFFOpenOptions*)> options(TIFFOpenOptionsAlloc(),
                                                                              TIFFOpenOptionsFree);
   TIFFOpenOptionsSetErrorHandlerExtR(options.get(), OnError, &last_error);
   TIFFOpenOptionsSetWarningHandlerExtR(options.get(), OnWarning, nullptr);
-  TiffBytes memory{&bytes, 0};
-  // "m": no memory mapping, which would be another way to the bytes.
-  const std::unique_ptr<TIFF, void (*)(TIFF*)> tiff(
-      TIFFClientOpenExt(name.c_str(), "rm", &memory, Read, Write, Seek, Close, Size, nullptr,
-                        nullptr, options.get()),
-      [](TIFF* open) {
-        if (open) TIFFClose(open);
-      });
+  // "m": no memory mapping, which a file that is cut off meanwhile would end.
+  const std::unique_ptr<TIFF, void (*)(TIFF*)> tiff(TIFFOpenExt(name.c_str(), "rm", options.get()),
+                                                    [](TIFF* open) {
+                                                      if (open) TIFFClose(open);
+                                                    });
   if (!tiff) FailUnreadable(name, last_error);
   const Layout layout = ReadLayout(tiff.get(), name);
   StoredDepth depth;

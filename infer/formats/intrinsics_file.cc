@@ -19,7 +19,6 @@
 #include "infer/formats/kinect_calibration.h"
 #include "infer/formats/lens_names.h"
 #include "infer/formats/printed_intrinsics.h"
-#include "infer/formats/text_scanner.h"
 
 namespace volalign {
 
@@ -44,8 +43,10 @@ constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
                                              "k",
                                              "fx"};
 
+constexpr char kBlanks[] = " \t\r\n\v\f";
+
 std::string_view WithoutBlanksBehind(std::string_view text) {
-  return text.substr(0, text.find_last_not_of(formats_internal::TextScanner::kBlanks) + 1);
+  return text.substr(0, text.find_last_not_of(kBlanks) + 1);
 }
 
 bool EndsWith(std::string_view text, std::string_view end) {
@@ -266,8 +267,7 @@ std::string WhyNoText(const std::string& text) {
     return "it is binary, or text of another kind than UTF-8; save it as UTF-8";
   std::string_view view = text;
   if (view.substr(0, 3) == "\xef\xbb\xbf") view.remove_prefix(3);
-  view.remove_prefix(
-      std::min(view.find_first_not_of(formats_internal::TextScanner::kBlanks), view.size()));
+  view.remove_prefix(std::min(view.find_first_not_of(kBlanks), view.size()));
   if (view.substr(0, 5) == "<?xml" || view.substr(0, 15) == "<opencv_storage")
     return "it is XML, which is not read; write YAML or JSON (OpenCV does for a name that ends in "
            ".yaml)";

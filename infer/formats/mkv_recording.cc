@@ -1,24 +1,16 @@
 // Depth of a Matroska file of the Azure Kinect's recorder: a track of 16-bit big-endian images, the
-// device's raw calibration as an attachment, its serial number as a tag.
+// device's raw calibration as an attachment, its serial number as a tag. Read by FFmpeg's demuxer.
 
-#include <ebml/EbmlHead.h>
-#include <ebml/EbmlStream.h>
-#include <ebml/EbmlVoid.h>
-#include <ebml/StdIOCallback.h>
+extern "C" {
+#include <libavcodec/packet.h>
+#include <libavformat/avformat.h>
+#include <libavutil/dict.h>
+#include <libavutil/log.h>
+}
 #include <fmt/format.h>
-#include <matroska/KaxAttached.h>
-#include <matroska/KaxAttachments.h>
-#include <matroska/KaxBlock.h>
-#include <matroska/KaxCluster.h>
-#include <matroska/KaxClusterData.h>
-#include <matroska/KaxSegment.h>
-#include <matroska/KaxSemantic.h>
-#include <matroska/KaxTags.h>
-#include <matroska/KaxTracks.h>
 
 #include <algorithm>
 #include <cstdint>
-#include <exception>
 #include <map>
 #include <memory>
 
@@ -33,288 +25,116 @@ namespace volalign::formats_internal {
 
 namespace {
 
-namespace mkv = libmatroska;
-
 constexpr double kKinectUnit = 0.001;  // m
-constexpr std::uint64_t kMaxElement = std::uint64_t{1} << 28;
-constexpr std::uint64_t kMaxTags = std::uint64_t{1} << 15;  // tags hold tags, read by recursion
 
-constexpr std::size_t kMostContents = 100;
+/// FFmpeg prints what it dislikes, whatever it returns.
+class SilentFfmpeg {
+ public:
+  SilentFfmpeg() { av_log_set_level(AV_LOG_QUIET); }
+  ~SilentFfmpeg() { av_log_set_level(level_); }
+  SilentFfmpeg(const SilentFfmpeg&) = delete;
+  SilentFfmpeg& operator=(const SilentFfmpeg&) = delete;
 
-struct Track {
-  std::uint64_t number = 0;
-  std::string name, codec, fourcc;
-  int width = 0, height = 0;
-  std::vector<StoredDepth> frames;
+ private:
+  int level_ = av_log_get_level();
 };
 
-struct Content {
-  const std::string& name;  ///< of the file; begins every message
-  std::uint64_t file_size = 0;
-  std::vector<Track> tracks;         // those of 16-bit grey
-  std::string calibration;           // calibration.json
-  std::optional<FrameSize> picture;  // of the track COLOR
-  std::vector<std::string> contents;
-  std::map<std::string, std::string> tags;
+std::string Tag(const AVDictionary* tags, const char* key) {
+  const AVDictionaryEntry* const tag = av_dict_get(tags, key, nullptr, 0);
+  return tag ? tag->value : "";
+}
+
+struct File {
+  const std::string& name;  ///< begins every message
+  std::unique_ptr<AVFormatContext, void (*)(AVFormatContext*)> context;
+
+  std::string TitleOf(int stream) const { return Tag(context->streams[stream]->metadata, "title"); }
+  const AVCodecParameters& ParametersOf(int stream) const {
+    return *context->streams[stream]->codecpar;
+  }
 };
 
-/// The master's first child of a type; null without any.
-template <class T>
-const T* Child(const libebml::EbmlMaster& master) {
-  return static_cast<const T*>(master.FindElt(EBML_INFO(T)));
-}
-
-/// Calls `use` with each child of a type.
-template <class T, class Use>
-void ForEach(const libebml::EbmlMaster& master, Use use) {
-  for (const libebml::EbmlElement* child : master) {
-    if (libebml::EbmlId(*child) == EBML_ID(T)) use(*static_cast<const T*>(child));
+File Open(const std::filesystem::path& path, const std::string& name) {
+  AVFormatContext* context = nullptr;
+  const int status = avformat_open_input(&context, ("file:" + path.string()).c_str(),
+                                         av_find_input_format("matroska"), nullptr);
+  if (status < 0) {
+    char text[AV_ERROR_MAX_STRING_SIZE] = {};
+    throw DataError(fmt::format("{}: damaged: not a readable Matroska file: {}", name,
+                                av_make_error_string(text, sizeof(text), status)));
   }
+  return {name, {context, [](AVFormatContext* open) { avformat_close_input(&open); }}};
 }
 
-/// libebml keeps an element's stated size, however few bytes the file has. Throws DataError for an
-/// element that ends behind the file.
-std::string Bytes(const libebml::EbmlBinary* binary, const Content& content) {
-  if (!binary || !binary->GetBuffer()) return "";
-  const std::uint64_t end = binary->GetElementPosition() + binary->HeadSize() + binary->GetSize();
-  if (end > content.file_size) {
-    throw DataError(fmt::format("{}: damaged: an element of {} bytes ends behind the file",
-                                content.name, binary->GetSize()));
+std::string FourCc(const AVCodecParameters& parameters) {
+  char text[AV_FOURCC_MAX_STRING_SIZE] = {};
+  return av_fourcc_make_string(text, parameters.codec_tag);
+}
+
+/// Those of 16-bit grey: DEPTH alone if a track has that name, else all but IR. The others are
+/// passed over.
+std::vector<int> DepthTracks(const File& file) {
+  std::vector<int> grey;
+  for (int i = 0; i < static_cast<int>(file.context->nb_streams); ++i) {
+    const std::string fourcc = FourCc(file.ParametersOf(i));
+    if (fourcc == "b16g" || fourcc == "Y16 ") grey.push_back(i);
+    file.context->streams[i]->discard = AVDISCARD_ALL;
   }
-  return std::string(reinterpret_cast<const char*>(binary->GetBuffer()),
-                     static_cast<std::size_t>(binary->GetSize()));
+  const auto is_depth = [&](int track) { return file.TitleOf(track) == "DEPTH"; };
+  const bool named = std::any_of(grey.begin(), grey.end(), is_depth);
+  std::vector<int> tracks;
+  std::copy_if(grey.begin(), grey.end(), std::back_inserter(tracks),
+               [&](int track) { return named ? is_depth(track) : file.TitleOf(track) != "IR"; });
+  for (const int track : tracks) file.context->streams[track]->discard = AVDISCARD_DEFAULT;
+  return tracks;
 }
 
-/// Four letters: biCompression of a BITMAPINFOHEADER, else ColourSpace.
-std::string FourCc(const std::string& codec, const std::string& codec_private,
-                   const std::string& colour_space) {
-  if (codec == "V_MS/VFW/FOURCC" && codec_private.size() >= 20) return codec_private.substr(16, 4);
-  return codec == "V_UNCOMPRESSED" ? colour_space : "";
-}
-
-void AddTrack(const mkv::KaxTrackEntry& entry, Content* content) {
-  const auto* video = Child<mkv::KaxTrackVideo>(entry);
-  const auto* number = Child<mkv::KaxTrackNumber>(entry);
-  const auto* codec = Child<mkv::KaxCodecID>(entry);
-  if (!video || !number || !codec) return;
-  Track track;
-  track.number = static_cast<std::uint64_t>(*number);
-  // A number belongs to one track, or each frame would be kept several times.
-  for (const Track& other : content->tracks) {
-    if (other.number == track.number) return;
-  }
-  track.codec = std::string(*codec);
-  track.fourcc = FourCc(track.codec, Bytes(Child<mkv::KaxCodecPrivate>(entry), *content),
-                        Bytes(Child<mkv::KaxVideoColourSpace>(*video), *content));
-  if (const auto* name = Child<mkv::KaxTrackName>(entry))
-    track.name = static_cast<const libebml::UTFstring&>(*name).GetUTF8();
-  const auto* width = Child<mkv::KaxVideoPixelWidth>(*video);
-  const auto* height = Child<mkv::KaxVideoPixelHeight>(*video);
-  if (!width || !height) return;
-  track.width = static_cast<int>(std::min<std::uint64_t>(*width, 1 << 20));
-  track.height = static_cast<int>(std::min<std::uint64_t>(*height, 1 << 20));
-  if (content->contents.size() < kMostContents) {
-    content->contents.push_back(fmt::format(
-        "track {} of {}x{} ({} {})", track.name.empty() ? std::to_string(track.number) : track.name,
-        track.width, track.height, track.codec, track.fourcc));
-  }
-  if (track.name == "COLOR") content->picture = FrameSize{track.width, track.height};
-  if (track.fourcc != "b16g" && track.fourcc != "Y16 ") return;
-  content->tracks.push_back(std::move(track));
-}
-
-/// Keeps DEPTH of tracks with names; the others (IR) are as grey.
-void KeepDepthTracks(Content* content) {
-  std::vector<Track>& tracks = content->tracks;
-  const auto is_depth = [](const Track& track) { return track.name == "DEPTH"; };
-  const bool named = std::any_of(tracks.begin(), tracks.end(), is_depth);
-  tracks.erase(std::remove_if(tracks.begin(), tracks.end(),
-                              [&](const Track& track) {
-                                return named ? !is_depth(track) : track.name == "IR";
-                              }),
-               tracks.end());
-}
-
-StoredDepth Decode(const Track& track, const std::uint8_t* bytes, std::size_t size,
+StoredDepth Decode(const AVCodecParameters& track, const AVPacket& packet,
                    const std::string& name) {
   RosImage image;
   image.width = static_cast<std::uint32_t>(track.width);
   image.height = static_cast<std::uint32_t>(track.height);
   image.step = 2 * image.width;
   image.encoding = "16UC1";
-  image.big_endian = track.fourcc == "b16g";
-  image.data = std::string_view(reinterpret_cast<const char*>(bytes), size);
+  image.big_endian = FourCc(track) == "b16g";
+  image.data = std::string_view(reinterpret_cast<const char*>(packet.data),
+                                static_cast<std::size_t>(packet.size));
   return DecodeImage(image, name);
 }
 
-void AddBlock(const mkv::KaxInternalBlock& const_block, int max_frames, ReadBudget* budget,
-              Content* content) {
-  auto& block = const_cast<mkv::KaxInternalBlock&>(const_block);  // its getters are not const
-  for (Track& track : content->tracks) {
-    if (track.number != block.TrackNum()) continue;
-    for (unsigned int i = 0; i < block.NumberFrames(); ++i) {
-      if (static_cast<int>(track.frames.size()) >= max_frames) return;
-      const auto& data = block.GetBuffer(i);
-      track.frames.push_back(Decode(track, data.Buffer(), data.Size(), content->name));
-      budget->Keep(BytesOf(track.frames.back()), content->name);
+/// The first frames of each of the tracks.
+std::map<int, std::vector<StoredDepth>> ReadFrames(const File& file, const std::vector<int>& tracks,
+                                                   int max_frames, ReadBudget* budget) {
+  std::map<int, std::vector<StoredDepth>> frames;
+  const auto is_full = [&](int track) {
+    return static_cast<int>(frames[track].size()) >= max_frames;
+  };
+  const std::unique_ptr<AVPacket, void (*)(AVPacket*)> packet(
+      av_packet_alloc(), [](AVPacket* used) { av_packet_free(&used); });
+  while (!std::all_of(tracks.begin(), tracks.end(), is_full) &&
+         av_read_frame(file.context.get(), packet.get()) >= 0) {
+    const int track = packet->stream_index;
+    const bool wanted = std::find(tracks.begin(), tracks.end(), track) != tracks.end();
+    if (wanted && !is_full(track)) {
+      frames[track].push_back(Decode(file.ParametersOf(track), *packet, file.name));
+      budget->Keep(BytesOf(frames[track].back()), file.name);
     }
+    av_packet_unref(packet.get());
   }
+  return frames;
 }
 
-void AddCluster(const libebml::EbmlMaster& cluster, int max_frames, ReadBudget* budget,
-                Content* content) {
-  ForEach<mkv::KaxSimpleBlock>(cluster, [&](const mkv::KaxSimpleBlock& block) {
-    AddBlock(block, max_frames, budget, content);
-  });
-  ForEach<mkv::KaxBlockGroup>(cluster, [&](const mkv::KaxBlockGroup& group) {
-    if (const auto* block = Child<mkv::KaxBlock>(group))
-      AddBlock(*block, max_frames, budget, content);
-  });
-}
-
-void AddAttachments(const libebml::EbmlMaster& attachments, Content* content) {
-  ForEach<mkv::KaxAttached>(attachments, [&](const mkv::KaxAttached& file) {
-    const auto* file_name = Child<mkv::KaxFileName>(file);
-    if (!file_name ||
-        static_cast<const libebml::UTFstring&>(*file_name).GetUTF8() != "calibration.json")
-      return;
-    content->calibration = Bytes(Child<mkv::KaxFileData>(file), *content);
-    // The recorder attaches the device's memory, with the zero that ends it.
-    content->calibration.resize(
-        std::min(content->calibration.size(), content->calibration.find('\0')));
-  });
-}
-
-void AddTags(const libebml::EbmlMaster& tags, Content* content) {
-  ForEach<mkv::KaxTag>(tags, [&](const mkv::KaxTag& tag) {
-    ForEach<mkv::KaxTagSimple>(tag, [&](const mkv::KaxTagSimple& simple) {
-      const auto* key = Child<mkv::KaxTagName>(simple);
-      const auto* value = Child<mkv::KaxTagString>(simple);
-      if (key && value) {
-        content->tags[static_cast<const libebml::UTFstring&>(*key).GetUTF8()] =
-            static_cast<const libebml::UTFstring&>(*value).GetUTF8();
-      }
-    });
-  });
-}
-
-bool HasAllFrames(const Content& content, int max_frames) {
-  return !content.tracks.empty() &&
-         std::all_of(content.tracks.begin(), content.tracks.end(), [&](const Track& track) {
-           return static_cast<int>(track.frames.size()) >= max_frames;
-         });
-}
-
-/// Adds the content of a part of the segment; irrelevant parts were not read.
-void AddPart(const libebml::EbmlMaster& part, int max_frames, ReadBudget* budget,
-             Content* content) {
-  const libebml::EbmlId id(part);
-  if (id == EBML_ID(mkv::KaxTracks)) {
-    ForEach<mkv::KaxTrackEntry>(part,
-                                [&](const mkv::KaxTrackEntry& entry) { AddTrack(entry, content); });
-    KeepDepthTracks(content);
-  } else if (id == EBML_ID(mkv::KaxAttachments)) {
-    AddAttachments(part, content);
-  } else if (id == EBML_ID(mkv::KaxTags)) {
-    AddTags(part, content);
-  } else {
-    AddCluster(part, max_frames, budget, content);
+/// The attached calibration.json. The recorder attaches the device's memory, with the zero that
+/// ends it.
+std::string Calibration(const File& file) {
+  for (unsigned int i = 0; i < file.context->nb_streams; ++i) {
+    const AVStream& stream = *file.context->streams[i];
+    if (Tag(stream.metadata, "filename") != "calibration.json") continue;
+    const std::string text(reinterpret_cast<const char*>(stream.codecpar->extradata),
+                           static_cast<std::size_t>(stream.codecpar->extradata_size));
+    return text.substr(0, text.find('\0'));
   }
-}
-
-bool IsWanted(const libebml::EbmlElement& element, const Content& content, int max_frames) {
-  const libebml::EbmlId id(element);
-  if (id == EBML_ID(mkv::KaxCluster))
-    return !content.tracks.empty() && !HasAllFrames(content, max_frames);
-  return id == EBML_ID(mkv::KaxTracks) || id == EBML_ID(mkv::KaxAttachments) ||
-         id == EBML_ID(mkv::KaxTags);
-}
-
-using Element = std::unique_ptr<libebml::EbmlElement>;
-
-Element FindSegment(libebml::EbmlStream* stream) {
-  Element head(stream->FindNextID(EBML_INFO(libebml::EbmlHead), UINT32_MAX));
-  if (!head) return nullptr;
-  head->SkipData(*stream, EBML_CONTEXT(head));
-  while (true) {
-    Element segment(stream->FindNextID(EBML_INFO(mkv::KaxSegment), UINT64_MAX));
-    if (!segment || libebml::EbmlId(*segment) == EBML_ID(mkv::KaxSegment)) return segment;
-    segment->SkipData(*stream, EBML_CONTEXT(segment));
-  }
-}
-
-/// Throws DataError for a part of the segment that is larger than any recorder writes. A cluster
-/// that was written live states no size; it ends at the file's end at the latest.
-void RequireBounded(const libebml::EbmlElement& part, std::uint64_t left, const std::string& name) {
-  const bool is_cluster = libebml::EbmlId(part) == EBML_ID(mkv::KaxCluster);
-  if (!part.IsFiniteSize() && !is_cluster)
-    throw DataError(name + ": damaged: a part without a size");
-  const bool is_tags = libebml::EbmlId(part) == EBML_ID(mkv::KaxTags);
-  const std::uint64_t size = part.IsFiniteSize() ? part.GetSize() : left;
-  if (size > (is_tags ? kMaxTags : kMaxElement))
-    throw DataError(fmt::format("{}: damaged: a part of {} bytes", name, size));
-}
-
-/// libmatroska 1.7 counts the laced frames of a block with a byte. It never passes the 255 that
-/// mean 256 frames of one size and would go on for ever. No depth frame is laced; such a block has
-/// 255 frames here.
-class RecordingFile : public libebml::StdIOCallback {
- public:
-  explicit RecordingFile(const std::filesystem::path& path)
-      : StdIOCallback(path.c_str(), MODE_READ) {}
-  std::uint32_t read(void* buffer, std::size_t size) override {
-    const std::uint32_t count = StdIOCallback::read(buffer, size);
-    auto* const bytes = static_cast<std::uint8_t*>(buffer);
-    // libebml uses bytes that it did not get as if it had read them, so they must not be old
-    // memory.
-    std::fill(bytes + count, bytes + size, std::uint8_t{0});
-    // The track's number of one or two bytes, the time of two, the flags.
-    const std::size_t flags = count > 0 && bytes[0] >= 0x80 ? 3 : 4;
-    constexpr int kLacing = 0x06, kOfOneSize = 0x04;
-    if (reads_blocks && count > flags + 1 && (bytes[flags] & kLacing) == kOfOneSize &&
-        bytes[flags + 1] == 255)
-      bytes[flags + 1] = 254;
-    return count;
-  }
-  bool reads_blocks = false;
-};
-
-Content ReadContent(const std::filesystem::path& path, int max_frames, const std::string& name,
-                    ReadBudget* budget) {
-  Content content{name, std::filesystem::file_size(path), {}, {}, {}, {}, {}};
-  RecordingFile file(path);
-  libebml::EbmlStream stream(file);
-  const Element segment = FindSegment(&stream);
-  if (!segment) throw DataError(name + ": damaged: no Matroska segment");
-  int upper = 0;
-  Element part(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
-  while (part && upper <= 0) {
-    Element beyond;
-    if (IsWanted(*part, content, max_frames)) {
-      RequireBounded(*part, content.file_size - std::min(content.file_size, file.getFilePointer()),
-                     name);
-      libebml::EbmlElement* found = nullptr;
-      file.reads_blocks = libebml::EbmlId(*part) == EBML_ID(mkv::KaxCluster);
-      part->Read(stream, EBML_CONTEXT(part), upper, found, true);
-      file.reads_blocks = false;
-      // An element found beyond the part belongs to the caller; else the part has it already. One
-      // level above its children is the next part.
-      if (upper > 0) {
-        beyond.reset(found);
-        --upper;
-      }
-      AddPart(static_cast<const libebml::EbmlMaster&>(*part), max_frames, budget, &content);
-      if (!content.calibration.empty() && !content.tags.empty() &&
-          HasAllFrames(content, max_frames))
-        break;
-    }
-    if (!beyond) beyond.reset(part->SkipData(stream, EBML_CONTEXT(part)));
-    if (!beyond) {
-      beyond.reset(stream.FindNextElement(EBML_CONTEXT(segment), upper, UINT64_MAX, true));
-    }
-    part = std::move(beyond);
-  }
-  return content;
+  return "";
 }
 
 std::string KinectKind(int width, int height) {
@@ -325,41 +145,44 @@ std::string KinectKind(int width, int height) {
 }
 
 /// None if the calibration does not have the colour camera's pose, because depth does not need it.
-std::optional<ColourCamera> Colour(const Content& content, const std::string& name) {
+std::optional<ColourCamera> Colour(const File& file, const std::string& calibration,
+                                   const std::string& place) {
+  std::optional<FrameSize> picture;
+  for (int i = 0; i < static_cast<int>(file.context->nb_streams); ++i) {
+    if (file.TitleOf(i) == "COLOR")
+      picture = FrameSize{file.ParametersOf(i).width, file.ParametersOf(i).height};
+  }
   try {
-    return ParseKinectColour(content.calibration, name + ": calibration.json", content.picture);
+    return ParseKinectColour(calibration, place, picture);
   } catch (const DataError&) {
     return std::nullopt;
   }
 }
 
-RecordedDepth Describe(const Content& content, Track&& track, const std::string& name) {
+RecordedDepth Describe(const File& file, int track, const std::string& calibration) {
+  const FrameSize size{file.ParametersOf(track).width, file.ParametersOf(track).height};
+  const std::string title = file.TitleOf(track);
   RecordedDepth depth;
-  depth.stream = track.name.empty() ? fmt::format("track {}", track.number) : track.name;
-  const auto has_kinect_tag = [](const auto& tag) { return tag.first.rfind("K4A_", 0) == 0; };
-  if (track.name == "DEPTH" || !content.calibration.empty() ||
-      std::any_of(content.tags.begin(), content.tags.end(), has_kinect_tag)) {
+  depth.stream = title.empty() ? fmt::format("track {}", track + 1) : title;
+  if (title == "DEPTH" || !calibration.empty() ||
+      av_dict_get(file.context->metadata, "K4A_", nullptr, AV_DICT_IGNORE_SUFFIX)) {
     depth.device = "Azure Kinect";
-    depth.kind = KinectKind(track.width, track.height);
+    depth.kind = KinectKind(size.width, size.height);
     depth.depth_scale = kKinectUnit;
     depth.depth_scale_stated = true;
     depth.depth_scale_source = "the Azure Kinect's unit";
   }
-  if (const auto serial = content.tags.find("K4A_DEVICE_SERIAL_NUMBER");
-      serial != content.tags.end())
-    depth.serial = serial->second;
-  if (!content.calibration.empty()) {
-    try {
-      depth.intrinsics = ParseIntrinsicsText(content.calibration, name + ": calibration.json",
-                                             {track.width, track.height});
-      depth.intrinsics_source = "the attached calibration.json";
-      depth.intrinsics_stated = true;
-    } catch (const DataError& error) {
-      depth.intrinsics_problem = error.what();
-    }
-    depth.colour = Colour(content, name);
+  depth.serial = Tag(file.context->metadata, "K4A_DEVICE_SERIAL_NUMBER");
+  if (calibration.empty()) return depth;
+  const std::string place = file.name + ": calibration.json";
+  try {
+    depth.intrinsics = ParseIntrinsicsText(calibration, place, size);
+    depth.intrinsics_source = "the attached calibration.json";
+    depth.intrinsics_stated = true;
+  } catch (const DataError& error) {
+    depth.intrinsics_problem = error.what();
   }
-  depth.frames = std::move(track.frames);
+  depth.colour = Colour(file, calibration, place);
   return depth;
 }
 
@@ -367,21 +190,22 @@ RecordedDepth Describe(const Content& content, Track&& track, const std::string&
 
 Recording ReadMkvRecording(const std::filesystem::path& path, const std::string& name,
                            int max_frames, ReadBudget* budget) {
-  try {
-    Content content = ReadContent(path, max_frames, name, budget);
-    Recording recording;
-    recording.contents = content.contents;
-    for (Track& track : content.tracks) {
-      if (!track.frames.empty())
-        recording.streams.push_back(Describe(content, std::move(track), name));
-    }
-    return recording;
-  } catch (const Error&) {
-    throw;
-  } catch (const std::exception& error) {
-    throw DataError(
-        fmt::format("{}: not a readable Matroska file: {}", name, Shortened(error.what())));
+  const SilentFfmpeg silent;
+  const File file = Open(path, name);
+  Recording recording;
+  for (int i = 0; i < static_cast<int>(file.context->nb_streams); ++i) {
+    const AVCodecParameters& track = file.ParametersOf(i);
+    if (track.codec_type != AVMEDIA_TYPE_VIDEO) continue;
+    recording.contents.push_back(fmt::format("track {} {} of {}x{} ({})", i + 1, file.TitleOf(i),
+                                             track.width, track.height, FourCc(track)));
   }
+  const std::string calibration = Calibration(file);
+  for (auto& [track, frames] : ReadFrames(file, DepthTracks(file), max_frames, budget)) {
+    if (frames.empty()) continue;
+    recording.streams.push_back(Describe(file, track, calibration));
+    recording.streams.back().frames = std::move(frames);
+  }
+  return recording;
 }
 
 }  // namespace volalign::formats_internal

@@ -2,43 +2,47 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <locale>
 #include <map>
-#include <string_view>
+#include <sstream>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/number.h"
 #include "core/base/text.h"
 #include "infer/formats/lens_names.h"
-#include "infer/formats/text_scanner.h"
 
 namespace volalign::formats_internal {
 
 namespace {
 
-constexpr std::size_t kMostSizeDigits = 5;  // of a width or height
 constexpr std::size_t kLongestPrint = 1000;
+constexpr char kBlanks[] = " \t\r\n\v\f";
 
 /// The numbers up to the first other word.
 std::vector<double> NumbersOfText(const std::string& text) {
   std::vector<double> numbers;
-  TextScanner scanner(text);
-  for (scanner.SkipBlanks(); !scanner.rest().empty(); scanner.SkipBlanks()) {
-    const std::optional<double> number = NumberOf(scanner.TakeWord());
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const std::optional<double> number = NumberOf(word);
     if (!number) break;
     numbers.push_back(*number);
   }
   return numbers;
 }
 
+std::string WithoutBlanksAround(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(kBlanks);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
+}
+
 /// The text after `key` up to the end of its line.
 std::string After(const std::string& block, const std::string& key, const std::string& name) {
   for (const std::string& line : Split(block, '\n')) {
-    TextScanner scanner(line);
-    scanner.SkipBlanks();
-    if (!scanner.Take(key) || !scanner.Take(":")) continue;
-    scanner.SkipBlanks();
-    return std::string(scanner.rest());
+    const std::string text = WithoutBlanksAround(line);
+    if (text.rfind(key + ":", 0) == 0) return WithoutBlanksAround(text.substr(key.size() + 1));
   }
   throw DataError(fmt::format("{}: {} is missing", name, key));
 }
@@ -47,28 +51,24 @@ std::string After(const std::string& block, const std::string& key, const std::s
 /// bracket is taken already.
 struct Printed {
   int width = 0, height = 0;
-  std::string_view centre, focal, model, distortion;
+  std::string centre, focal, model, distortion;
 };
-std::optional<Printed> TakePrinted(TextScanner scanner) {
+std::optional<Printed> TakePrinted(const std::string& text) {
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
   Printed printed;
-  scanner.SkipBlanks();
-  printed.width = scanner.TakeNumber(kMostSizeDigits);
-  if (printed.width < 0 || !scanner.Take("x")) return std::nullopt;
-  printed.height = scanner.TakeNumber(kMostSizeDigits);
-  if (printed.height < 0 || !scanner.SkipBlanks() || !scanner.Take("p[") ||
-      !scanner.TakeUntil(']', &printed.centre) || !scanner.SkipBlanks() || !scanner.Take("f[") ||
-      !scanner.TakeUntil(']', &printed.focal) || !scanner.TakeUntil('[', &printed.model) ||
-      !scanner.TakeUntil(']', &printed.distortion))
+  char x = 0, end = 0;
+  std::string p, f;
+  const auto until = [&](char mark, std::string* part) {
+    return static_cast<bool>(std::getline(stream, *part, mark));
+  };
+  const bool whole = stream >> printed.width >> x >> printed.height && until('[', &p) &&
+                     until(']', &printed.centre) && until('[', &f) && until(']', &printed.focal) &&
+                     until('[', &printed.model) && until(']', &printed.distortion) && stream >> end;
+  if (!whole || x != 'x' || WithoutBlanksAround(p) != "p" || WithoutBlanksAround(f) != "f" ||
+      end != ']')
     return std::nullopt;
-  scanner.SkipBlanks();
-  if (!scanner.Take("]")) return std::nullopt;
   return printed;
-}
-
-std::string WithoutBlanksAround(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(TextScanner::kBlanks);
-  if (begin == std::string_view::npos) return "";
-  return std::string(text.substr(begin, text.find_last_not_of(TextScanner::kBlanks) + 1 - begin));
 }
 
 }  // namespace
@@ -76,21 +76,19 @@ std::string WithoutBlanksAround(std::string_view text) {
 std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
   for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
     // Only a part of the text, so that many open brackets do not each search all of it.
-    const std::optional<Printed> printed =
-        TakePrinted(TextScanner(std::string_view(text).substr(at + 1, kLongestPrint)));
+    const std::optional<Printed> printed = TakePrinted(text.substr(at + 1, kLongestPrint));
     if (!printed) continue;
-    const std::vector<double> c = NumbersOfText(std::string(printed->centre)),
-                              f = NumbersOfText(std::string(printed->focal));
+    const std::vector<double> c = NumbersOfText(printed->centre), f = NumbersOfText(printed->focal);
     if (c.size() != 2 || f.size() != 2)
       throw DataError(name + ": p[...] and f[...] have two numbers each");
-    return Intrinsics{printed->width,
-                      printed->height,
-                      f[0],
-                      f[1],
-                      c[0],
-                      c[1],
-                      NamedLens(WithoutBlanksAround(printed->model),
-                                NumbersOfText(std::string(printed->distortion)), name)};
+    return Intrinsics{
+        printed->width,
+        printed->height,
+        f[0],
+        f[1],
+        c[0],
+        c[1],
+        NamedLens(WithoutBlanksAround(printed->model), NumbersOfText(printed->distortion), name)};
   }
   return std::nullopt;
 }
@@ -108,7 +106,7 @@ std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::st
       return numbers[0];
     };
     if (number("Width") != frame.width || number("Height") != frame.height) continue;
-    const std::string model = WithoutBlanksAround(After(block, "Distortion", name));
+    const std::string model = After(block, "Distortion", name);
     return Intrinsics{frame.width,
                       frame.height,
                       number("Fx"),
@@ -130,15 +128,13 @@ std::map<std::string, double> ValuesBehind(const std::string& text, const std::s
   if (at == std::string::npos || open == std::string::npos || close < open)
     throw DataError(fmt::format("{}: {} is missing", name, word));
   std::string part = text.substr(open + 1, close - open - 1);
-  for (char& c : part) {
-    if (TextScanner::kBlanks.find(c) != std::string_view::npos || c == ',') c = ' ';
-  }
+  std::replace(part.begin(), part.end(), ',', ' ');
   std::map<std::string, double> values;
-  for (const std::string& pair : Split(part, ' ')) {
-    const std::size_t equals = pair.find('=');
-    if (equals == std::string::npos) continue;
-    const std::vector<double> numbers = NumbersOfText(pair.substr(equals + 1));
-    if (numbers.size() == 1) values[pair.substr(0, equals)] = numbers[0];
+  std::istringstream words(part);
+  for (std::string pair; words >> pair;) {
+    const std::size_t equals = std::min(pair.find('='), pair.size() - 1);
+    if (const std::optional<double> number = NumberOf(pair.substr(equals + 1)))
+      values[pair.substr(0, equals)] = *number;
   }
   return values;
 }

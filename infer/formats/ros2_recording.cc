@@ -269,41 +269,13 @@ bool HasContent(const std::filesystem::path& path, std::string_view begin) {
 
 using Database = std::unique_ptr<sqlite3, int (*)(sqlite3*)>;
 
-/// Opens a file without a name (UnpackedFile), which SQLite would not follow.
-Database OpenInMemory(const std::filesystem::path& path, const std::string& name,
-                      ReadBudget* budget) {
-  constexpr int kVersionsAt = 18;  // of the file's format: 2 stands for a write-ahead log
-  const std::uint64_t size = std::filesystem::file_size(path);
-  budget->Keep(size, name);
-  sqlite3* raw = nullptr;
-  const int opened = sqlite3_open(":memory:", &raw);
-  Database database(raw, sqlite3_close);
-  auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(size));
-  std::ifstream stream(path, std::ios::binary);
-  if (opened != SQLITE_OK || !bytes || size <= kVersionsAt + 1 ||
-      !stream.read(reinterpret_cast<char*>(bytes), static_cast<std::streamsize>(size))) {
-    sqlite3_free(bytes);
-    throw IoError(name + ": cannot be opened as a bag of ROS 2");
-  }
-  bytes[kVersionsAt] = bytes[kVersionsAt + 1] = 1;  // there is no log
-  const auto length = static_cast<sqlite3_int64>(size);
-  if (sqlite3_deserialize(raw, "main", bytes, length, length,
-                          SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_READONLY) !=
-      SQLITE_OK)
-    throw IoError(name + ": cannot be opened as a bag of ROS 2");
-  return database;
-}
-
 /// Opens a database and leaves nothing beside it. If a recorder left it with a write-ahead log, it
 /// is read with the log, and the log's index is in memory. It is opened alone (locking_mode
 /// EXCLUSIVE) and without locks, which need the right to write (the VFS unix-none). The log is not
 /// moved into the database at the end. Any other database is read as one that nobody changes
 /// (immutable).
 Database Open(const std::filesystem::path& path, const std::string& name, ReadBudget* budget) {
-  std::error_code no_link;
-  const std::filesystem::path real = std::filesystem::canonical(path, no_link);
-  if (no_link) return OpenInMemory(path, name, budget);
-  const std::string file = real.string();
+  const std::string file = std::filesystem::canonical(path).string();
   constexpr std::string_view kJournalMagic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
   if (HasContent(file + "-journal", kJournalMagic)) {
     throw DataError(name +

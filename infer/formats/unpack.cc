@@ -2,12 +2,10 @@
 
 #include <fmt/format.h>
 #include <lz4frame.h>
-#include <sys/mman.h>
 #include <unistd.h>
 #include <zstd.h>
 
-#include <algorithm>
-#include <cstdint>
+#include <cstdlib>
 #include <fstream>
 #include <memory>
 
@@ -117,33 +115,25 @@ std::string FrontOfZstd(const std::filesystem::path& path, std::size_t count) {
 
 UnpackedFile::UnpackedFile(const std::filesystem::path& path, const std::string& name,
                            ReadBudget* budget)
-    : descriptor_(memfd_create("volalign", MFD_CLOEXEC)) {
-  if (descriptor_ < 0) throw IoError(name + ": the system gives no memory to unpack it into");
-  try {
-    Pieces pieces(path);
-    const bool whole = StreamZstd(
-        [&] { return pieces.Next(); },
-        [&](std::string_view piece) {
-          budget->Unpack(piece.size(), name);
-          budget->Keep(piece.size(), name);
-          for (std::size_t at = 0; at < piece.size();) {
-            const ssize_t written = write(descriptor_, piece.data() + at, piece.size() - at);
-            if (written <= 0) throw IoError(name + ": there is no memory to unpack it into");
-            at += static_cast<std::size_t>(written);
-          }
-          return true;
-        });
-    if (!whole) FailDamaged(name);
-  } catch (...) {
-    close(descriptor_);
-    throw;
-  }
-}
-
-UnpackedFile::~UnpackedFile() { close(descriptor_); }
-
-std::filesystem::path UnpackedFile::path() const {
-  return fmt::format("/proc/self/fd/{}", descriptor_);
+    : file_([] {
+        std::string unpacked =
+            (std::filesystem::temp_directory_path() / "volalign_XXXXXX").string();
+        const int descriptor = mkstemp(unpacked.data());
+        if (descriptor < 0) throw IoError("cannot create the file " + unpacked);
+        close(descriptor);
+        return std::filesystem::path(unpacked);
+      }) {
+  Pieces pieces(path);
+  std::ofstream stream(file_.path(), std::ios::binary);
+  const bool whole = StreamZstd([&] { return pieces.Next(); },
+                                [&](std::string_view piece) {
+                                  budget->Unpack(piece.size(), name);
+                                  stream << piece;
+                                  return true;
+                                });
+  if (!stream.flush())
+    throw IoError(fmt::format("{}: cannot be unpacked into {}", name, file_.path().string()));
+  if (!whole) FailDamaged(name);
 }
 
 }  // namespace volalign::formats_internal

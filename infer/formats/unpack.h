@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/base/interrupt.h"
 #include "infer/formats/read_budget.h"
 
 namespace volalign::formats_internal {
@@ -22,19 +23,16 @@ std::string UnpackZstd(std::string_view packed, std::size_t most, const std::str
 /// Unpacks at most `count` bytes of the front of a file of zstd; fewer if it is damaged.
 std::string FrontOfZstd(const std::filesystem::path& path, std::size_t count);
 
-/// A whole file of zstd, unpacked into memory as a file without a name.
+/// A whole file of zstd, unpacked into a temporary file, which goes with this object.
 class UnpackedFile {
  public:
   /// Throws IoError, or DataError, which `name` begins.
   UnpackedFile(const std::filesystem::path& path, const std::string& name, ReadBudget* budget);
-  ~UnpackedFile();
-  UnpackedFile(const UnpackedFile&) = delete;
-  UnpackedFile& operator=(const UnpackedFile&) = delete;
 
-  std::filesystem::path path() const;  ///< opens it as long as this object exists
+  const std::filesystem::path& path() const { return file_.path(); }
 
  private:
-  int descriptor_;
+  Unfinished file_;
 };
 
 }  // namespace volalign::formats_internal
