@@ -103,7 +103,7 @@ void GivePriors(const CalibrationRequest& request, std::vector<Capture>* capture
   prior.sigma_deg = request.prior_sigma[1];
   std::vector<std::string> names;
   int given = 0;
-  for (const SensorPose& pose : ReadPoses(request.prior, ParsePoseFormat(request.prior_from))) {
+  for (const SensorPose& pose : ReadPoses(request.prior, request.prior_from)) {
     names.push_back(pose.name);
     prior.world_from_sensor = pose.structure_from_sensor;
     for (Capture& capture : *captures) {

@@ -26,9 +26,8 @@ struct ConvertOptions {
 /// Words of the formats that are written, or read.
 std::string Formats(bool read) {
   std::vector<std::string> words;
-  for (const std::string& word : WordsOfAll<PoseFormat>()) {
-    const PoseFormat format = ParsePoseFormat(word);
-    if (read ? IsReadable(format) : format != PoseFormat::kVolalign) words.push_back(word);
+  for (const std::string& word : PoseFormats()) {
+    if (read ? IsReadable(word) : word != kVolalignPoses) words.push_back(word);
   }
   return fmt::format("{}", fmt::join(words, ", "));
 }
@@ -45,13 +44,12 @@ ColourCameras ReadColourCameras(const std::vector<std::string>& assignments) {
 }
 
 int RunConvert(const ConvertOptions& options) {
-  const PoseFormat to = ParsePoseFormat(options.to);
-  const PoseFormat from = ParsePoseFormat(options.from);
+  const std::string &to = options.to, &from = options.from;
   const auto poses = ReadPoses(options.input, from, ReadColourCameras(options.colour_cameras));
   WorldChoice world = options.world;
   world.colour = options.camera == "colour";
   world.raw = options.poses_for == "raw";
-  if (world.raw && from != PoseFormat::kVolalign) {
+  if (world.raw && from != kVolalignPoses) {
     throw ConfigError(
         "--poses-for raw needs an extrinsics.json: other files do not say where the structure is");
   }

@@ -82,10 +82,11 @@ if(VOLALIGN_INFER)
   if(NOT THREE_JS_DIR)
     list(APPEND VOLALIGN_MISSING "three.js (Debian package libjs-three)")
   endif()
-  # Depth in TIFF and OpenEXR; recordings in Matroska by FFmpeg, in bags, whose chunks are packed by bzip2, lz4 or zstd, and in SQLite.
+  # Depth in TIFF and OpenEXR; recordings in Matroska by FFmpeg, in bags, whose chunks have checksums of zlib and are packed by bzip2, lz4 or zstd, and in SQLite.
   volalign_find(TIFF libtiff-dev 4.5)
   volalign_find(OpenEXR libopenexr-dev)
   volalign_find(BZip2 libbz2-dev)
+  volalign_find(ZLIB zlib1g-dev)
   volalign_find(SQLite3 libsqlite3-dev)
   if(PkgConfig_FOUND)
     pkg_check_modules(FFMPEG QUIET IMPORTED_TARGET libavformat libavcodec libavutil)

@@ -10,7 +10,7 @@ VOLALIGN_BUILD_PACKAGES=(
   libcli11-dev libfmt-dev libonnx-dev libprotobuf-dev protobuf-compiler
   libjs-three
   pybind11-dev python3-dev
-  libtiff-dev libopenexr-dev libavformat-dev libbz2-dev liblz4-dev libzstd-dev libsqlite3-dev
+  libtiff-dev libopenexr-dev libavformat-dev libbz2-dev zlib1g-dev liblz4-dev libzstd-dev libsqlite3-dev
 )
 VOLALIGN_TEST_PACKAGES=(libgtest-dev dpkg-dev file iproute2 python3 python3-numpy python3-pil python3-pytest python3-torch)
 # For the test of report.html, which is left out without them: 120 MB to fetch, 380 MB installed. CI has them.

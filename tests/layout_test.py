@@ -58,6 +58,7 @@ HOMES = {
     "PkgConfig::ZSTD": ("infer/formats",),
     "SQLite::SQLite3": ("infer/formats",),
     "TIFF::TIFF": ("infer/formats",),
+    "ZLIB::ZLIB": ("infer/formats",),
     "assimp::assimp": ("core/geometry",),
     "embree": ("core/geometry",),
     "onnx_proto": ("core/model", "core/nn", "infer/segment_onnx"),

@@ -65,7 +65,7 @@ ColourCameras CamerasOf(const ColourFiles& files) {
   return cameras;
 }
 
-std::vector<std::string> Write(const std::string& path, PoseFormat format,
+std::vector<std::string> Write(const std::string& path, const std::string& format,
                                std::vector<SensorPose> poses, const ColourCameras& cameras,
                                const WorldChoice& choice = {}) {
   for (SensorPose& pose : poses) {
@@ -103,7 +103,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
                                  const std::optional<std::string>& up, const std::string& camera,
                                  const std::string& poses_for,
                                  const std::optional<std::string>& frame) {
-  const PoseFormat to = ParsePoseFormat(format), from = ParsePoseFormat(from_format);
+  const std::string &to = format, &from = from_format;
   const ColourCameras cameras = CamerasOf(colour_cameras);
   WorldChoice choice = ChoiceOf(origin, up, camera, poses_for, frame);
   std::vector<SensorPose> poses;
@@ -113,7 +113,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
     choice.floor_m = calibrated.structure.FloorHeight();
     choice.world = calibrated.source.world;
   } else {
-    if (choice.raw && from != PoseFormat::kVolalign)
+    if (choice.raw && from != kVolalignPoses)
       throw ConfigError("poses_for = 'raw' needs a Result or an extrinsics.json");
     poses = ReadPoses(PathOf(source), from, cameras);
     if (origin == "floor") choice.floor_m = ReadFloor(PathOf(source), from);
@@ -125,8 +125,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
 std::map<std::string, SensorPose> Read(const Path& path, const std::string& format,
                                        const ColourFiles& colour_cameras) {
   std::map<std::string, SensorPose> poses;
-  for (SensorPose& pose :
-       ReadPoses(PathOf(path), ParsePoseFormat(format), CamerasOf(colour_cameras)))
+  for (SensorPose& pose : ReadPoses(PathOf(path), format, CamerasOf(colour_cameras)))
     poses[pose.name] = std::move(pose);
   return poses;
 }
@@ -154,7 +153,7 @@ void AddConvert(py::module_& module) {
       .def_readonly("depth_offset_m", &SensorPose::depth_offset_m, "m; see depth_gain.");
 
   py::list formats;
-  for (const std::string& word : WordsOfAll<PoseFormat>()) formats.append(word);
+  for (const std::string& word : PoseFormats()) formats.append(word);
   module.attr("pose_formats") = py::tuple(formats);
 
   const std::string colour = kColourCameras;
@@ -185,8 +184,7 @@ void AddConvert(py::module_& module) {
       "write_poses",
       [](const Path& path, const std::string& format, const py::dict& poses,
          const ColourFiles& colour_cameras) {
-        return Write(PathOf(path), ParsePoseFormat(format), PosesOf(poses),
-                     CamerasOf(colour_cameras));
+        return Write(PathOf(path), format, PosesOf(poses), CamerasOf(colour_cameras));
       },
       py::arg("path"), py::arg("format"), py::arg("poses"), py::kw_only(),
       py::arg("colour_cameras") = ColourFiles(),

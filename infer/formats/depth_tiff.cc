@@ -67,39 +67,31 @@ SampleType TypeOf(const Layout& layout) {
   return {kind, layout.bits / 8u, /*big_endian=*/false};  // libtiff gives the machine's order
 }
 
-void ReadTiles(TIFF* tiff, const Layout& layout, const std::string& name,
-               const std::string& last_error, Image<float>* values) {
-  std::uint32_t tile_width = 0, tile_height = 0;
-  TIFFGetField(tiff, TIFFTAG_TILEWIDTH, &tile_width);
-  TIFFGetField(tiff, TIFFTAG_TILELENGTH, &tile_height);
-  RequireSize(tile_width, tile_height, name);
+/// Reads tile by tile, or line by line.
+void ReadBlocks(TIFF* tiff, const Layout& layout, const std::string& name,
+                const std::string& last_error, Image<float>* values) {
+  const bool tiled = TIFFIsTiled(tiff) != 0;
+  std::uint32_t width = layout.width, height = 1;
+  if (tiled) {
+    TIFFGetField(tiff, TIFFTAG_TILEWIDTH, &width);
+    TIFFGetField(tiff, TIFFTAG_TILELENGTH, &height);
+    RequireSize(width, height, name);
+  }
   const SampleType type = TypeOf(layout);
-  std::vector<char> tile(
-      std::max(static_cast<std::size_t>(TIFFTileSize(tiff)), type.size * tile_width * tile_height));
-  for (std::uint32_t y = 0; y < layout.height; y += tile_height) {
-    for (std::uint32_t x = 0; x < layout.width; x += tile_width) {
-      if (TIFFReadTile(tiff, tile.data(), x, y, 0, 0) < 0) FailUnreadable(name, last_error);
-      for (std::uint32_t v = y; v < std::min(y + tile_height, layout.height); ++v) {
-        for (std::uint32_t u = x; u < std::min(x + tile_width, layout.width); ++u) {
+  const auto stated = static_cast<std::size_t>(tiled ? TIFFTileSize(tiff) : TIFFScanlineSize(tiff));
+  std::vector<char> block(std::max(stated, type.size * width * height));
+  for (std::uint32_t y = 0; y < layout.height; y += height) {
+    for (std::uint32_t x = 0; x < layout.width; x += width) {
+      if (tiled ? TIFFReadTile(tiff, block.data(), x, y, 0, 0) < 0
+                : TIFFReadScanline(tiff, block.data(), y, 0) < 0)
+        FailUnreadable(name, last_error);
+      for (std::uint32_t v = y; v < std::min(y + height, layout.height); ++v) {
+        for (std::uint32_t u = x; u < std::min(x + width, layout.width); ++u) {
           (*values)(static_cast<int>(u), static_cast<int>(v)) = DecodeSample(
-              type,
-              tile.data() + type.size * (static_cast<std::size_t>(v - y) * tile_width + u - x));
+              type, block.data() + type.size * (static_cast<std::size_t>(v - y) * width + u - x));
         }
       }
     }
-  }
-}
-
-void ReadLines(TIFF* tiff, const Layout& layout, const std::string& name,
-               const std::string& last_error, Image<float>* values) {
-  const SampleType type = TypeOf(layout);
-  std::vector<char> line(
-      std::max(static_cast<std::size_t>(TIFFScanlineSize(tiff)), type.size * layout.width));
-  for (std::uint32_t v = 0; v < layout.height; ++v) {
-    if (TIFFReadScanline(tiff, line.data(), v, 0) < 0) FailUnreadable(name, last_error);
-    for (std::uint32_t u = 0; u < layout.width; ++u)
-      (*values)(static_cast<int>(u), static_cast<int>(v)) =
-          DecodeSample(type, line.data() + type.size * u);
   }
 }
 
@@ -122,11 +114,7 @@ StoredDepth ReadTiff(const std::filesystem::path& path) {
   StoredDepth depth;
   depth.whole_numbers = layout.format != SAMPLEFORMAT_IEEEFP;
   depth.values = Image<float>(static_cast<int>(layout.width), static_cast<int>(layout.height));
-  if (TIFFIsTiled(tiff.get())) {
-    ReadTiles(tiff.get(), layout, name, last_error, &depth.values);
-  } else {
-    ReadLines(tiff.get(), layout, name, last_error, &depth.values);
-  }
+  ReadBlocks(tiff.get(), layout, name, last_error, &depth.values);
   return depth;
 }
 

@@ -6,23 +6,219 @@
 #include <algorithm>
 #include <cctype>
 #include <initializer_list>
+#include <locale>
+#include <map>
 #include <optional>
+#include <sstream>
 #include <string_view>
 #include <vector>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
+#include "core/base/number.h"
 #include "core/base/text.h"
 #include "core/config/bounded_yaml.h"
 #include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
-#include "infer/formats/lens_names.h"
-#include "infer/formats/printed_intrinsics.h"
+
+namespace volalign::formats_internal {
+
+constexpr char kBlanks[] = " \t\r\n\v\f";
+
+namespace {
+
+/// Coefficients in OpenCV's order: more than eight only if the rest is 0.
+std::vector<double> Distortion(std::vector<double> numbers, const std::string& name) {
+  if (numbers.size() > 8) {
+    if (std::any_of(numbers.begin() + 8, numbers.end(), [](double x) { return x != 0; })) {
+      throw DataError(fmt::format(
+          "{}: {} distortion coefficients, of which those after the eighth (thin prism, tilt) are "
+          "not 0; calibrate with at most eight",
+          name, numbers.size()));
+    }
+    numbers.resize(8);
+  }
+  return numbers;
+}
+
+}  // namespace
+
+std::vector<double> NamedLens(const std::string& model, const std::vector<double>& numbers,
+                              const std::string& name) {
+  const bool is_zero = std::all_of(numbers.begin(), numbers.end(), [](double x) { return x == 0; });
+  std::string word = Lower(model);
+  std::replace_if(
+      word.begin(), word.end(), [](char c) { return c == '-' || c == ' '; }, '_');
+  for (const char* known : {"plumb_bob", "rational_polynomial", "brown_conrady",
+                            "distortion.brown_conrady", "rs2_distortion_brown_conrady"}) {
+    if (word == known || word.empty()) return Distortion(numbers, name);
+  }
+  // Without coefficients every model is a rectified image; RealSense prints five zeros.
+  if (is_zero) return std::vector<double>(numbers.empty() ? 0 : 5, 0.0);
+  throw DataError(fmt::format(
+      "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown Conrady); "
+      "rectify the frames, or calibrate with one of these",
+      name, Shortened(model)));
+}
+
+namespace {
+
+constexpr std::size_t kLongestPrint = 1000;
+
+/// The numbers up to the first other word.
+std::vector<double> NumbersOfText(const std::string& text) {
+  std::vector<double> numbers;
+  std::istringstream words(text);
+  for (std::string word; words >> word;) {
+    const std::optional<double> number = NumberOf(word);
+    if (!number) break;
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+std::string WithoutBlanksAround(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(kBlanks);
+  if (begin == std::string::npos) return "";
+  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
+}
+
+/// The text after `key` up to the end of its line.
+std::string After(const std::string& block, const std::string& key, const std::string& name) {
+  for (const std::string& line : Split(block, '\n')) {
+    const std::string text = WithoutBlanksAround(line);
+    if (text.rfind(key + ":", 0) == 0) return WithoutBlanksAround(text.substr(key.size() + 1));
+  }
+  throw DataError(fmt::format("{}: {} is missing", name, key));
+}
+
+/// "640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0]", in brackets; the first
+/// bracket is taken already.
+struct Printed {
+  int width = 0, height = 0;
+  std::string centre, focal, model, distortion;
+};
+std::optional<Printed> TakePrinted(const std::string& text) {
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  Printed printed;
+  char x = 0, end = 0;
+  std::string p, f;
+  const auto until = [&](char mark, std::string* part) {
+    return static_cast<bool>(std::getline(stream, *part, mark));
+  };
+  const bool whole = stream >> printed.width >> x >> printed.height && until('[', &p) &&
+                     until(']', &printed.centre) && until('[', &f) && until(']', &printed.focal) &&
+                     until('[', &printed.model) && until(']', &printed.distortion) && stream >> end;
+  if (!whole || x != 'x' || WithoutBlanksAround(p) != "p" || WithoutBlanksAround(f) != "f" ||
+      end != ']')
+    return std::nullopt;
+  return printed;
+}
+
+}  // namespace
+
+std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
+  for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
+    // Only a part of the text, so that many open brackets do not each search all of it.
+    const std::optional<Printed> printed = TakePrinted(text.substr(at + 1, kLongestPrint));
+    if (!printed) continue;
+    const std::vector<double> c = NumbersOfText(printed->centre), f = NumbersOfText(printed->focal);
+    if (c.size() != 2 || f.size() != 2)
+      throw DataError(name + ": p[...] and f[...] have two numbers each");
+    return Intrinsics{
+        printed->width,
+        printed->height,
+        f[0],
+        f[1],
+        c[0],
+        c[1],
+        NamedLens(WithoutBlanksAround(printed->model), NumbersOfText(printed->distortion), name)};
+  }
+  return std::nullopt;
+}
+
+std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::string& name,
+                                          const FrameSize& frame) {
+  const std::string title = "Intrinsic of \"Depth\"";
+  std::size_t at = text.find(title);
+  if (at == std::string::npos) return std::nullopt;
+  for (; at != std::string::npos; at = text.find(title, at + 1)) {
+    const std::string block = text.substr(at, text.find("Intrinsic of", at + 1) - at);
+    const auto number = [&](const char* key) {
+      const std::vector<double> numbers = NumbersOfText(After(block, key, name));
+      if (numbers.empty()) throw DataError(fmt::format("{}: {} has no number", name, key));
+      return numbers[0];
+    };
+    if (number("Width") != frame.width || number("Height") != frame.height) continue;
+    const std::string model = After(block, "Distortion", name);
+    return Intrinsics{frame.width,
+                      frame.height,
+                      number("Fx"),
+                      number("Fy"),
+                      number("PPX"),
+                      number("PPY"),
+                      NamedLens(model, NumbersOfText(After(block, "Coeffs", name)), name)};
+  }
+  throw DataError(
+      fmt::format("{}: no intrinsics of a depth stream of {}x{}", name, frame.width, frame.height));
+}
+
+namespace {
+
+/// "< fx=504.5 fy=504.5 >" behind the word: the values by their keys.
+std::map<std::string, double> ValuesBehind(const std::string& text, const std::string& word,
+                                           const std::string& name) {
+  const std::size_t at = text.find(word), open = text.find('<', at), close = text.find('>', at);
+  if (at == std::string::npos || open == std::string::npos || close < open)
+    throw DataError(fmt::format("{}: {} is missing", name, word));
+  std::string part = text.substr(open + 1, close - open - 1);
+  std::replace(part.begin(), part.end(), ',', ' ');
+  std::map<std::string, double> values;
+  std::istringstream words(part);
+  for (std::string pair; words >> pair;) {
+    const std::size_t equals = std::min(pair.find('='), pair.size() - 1);
+    if (const std::optional<double> number = NumberOf(pair.substr(equals + 1)))
+      values[pair.substr(0, equals)] = *number;
+  }
+  return values;
+}
+
+}  // namespace
+
+std::optional<Intrinsics> FromPyorbbec(const std::string& text, const std::string& name) {
+  if (text.find("OBCameraParam") == std::string::npos) return std::nullopt;
+  const auto camera = ValuesBehind(text, "depth_intrinsic", name);
+  const auto lens = ValuesBehind(text, "depth_distortion", name);
+  const auto value = [&](const std::map<std::string, double>& of, const char* key) {
+    const auto found = of.find(key);
+    if (found == of.end()) throw DataError(fmt::format("{}: {} has no number", name, key));
+    return found->second;
+  };
+  const auto pixels = [&](const char* key) {
+    const double number = value(camera, key);
+    if (!(number >= 1 && number <= 1e5))
+      throw DataError(fmt::format("{}: {} = {} is no number of pixels", name, key, number));
+    return static_cast<int>(number);
+  };
+  Intrinsics intrinsics{pixels("width"),
+                        pixels("height"),
+                        value(camera, "fx"),
+                        value(camera, "fy"),
+                        value(camera, "cx"),
+                        value(camera, "cy"),
+                        {}};
+  for (const char* key : {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"})
+    intrinsics.distortion.push_back(value(lens, key));
+  return intrinsics;
+}
+
+}  // namespace volalign::formats_internal
 
 namespace volalign {
 
-using formats_internal::NamedLens;
+using formats_internal::kBlanks, formats_internal::NamedLens;
 
 namespace {
 
@@ -42,8 +238,6 @@ constexpr std::string_view kTellingKeys[] = {"CalibrationInformation",
                                              "K",
                                              "k",
                                              "fx"};
-
-constexpr char kBlanks[] = " \t\r\n\v\f";
 
 std::string_view WithoutBlanksBehind(std::string_view text) {
   return text.substr(0, text.find_last_not_of(kBlanks) + 1);
@@ -155,27 +349,6 @@ Intrinsics FromRealSense(const YAML::Node& map, const std::string& name) {
   return intrinsics;
 }
 
-constexpr formats_internal::KinectMode kKinectModes[] = {{320, 288, 512, 512, 96, 90},
-                                                         {640, 576, 1024, 1024, 192, 180},
-                                                         {512, 512, 512, 512, 0, 0},
-                                                         {1024, 1024, 1024, 1024, 0, 0}};
-
-Intrinsics FromKinect(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
-  const auto* mode = std::find_if(std::begin(kKinectModes), std::end(kKinectModes),
-                                  [&](const formats_internal::KinectMode& m) {
-                                    return m.width == frame.width && m.height == frame.height;
-                                  });
-  if (mode == std::end(kKinectModes)) {
-    throw DataError(fmt::format(
-        "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
-        "1024x1024), so that its raw calibration does not hold for this one",
-        name, frame.width, frame.height));
-  }
-  return formats_internal::KinectIntrinsics(
-      formats_internal::FindKinectCamera(root, formats_internal::KinectCamera::kDepth, name), *mode,
-      name);
-}
-
 /// A calibration of DepthAI: `cameraData` is a list of [socket, camera]. Depth is computed from
 /// rectified pictures, with the right camera's matrix (H1 = M2 R1 M1^-1, H2 = M2 R2 M2^-1 in
 /// Luxonis' calibration_utils.py), and aligned to that camera unless the pipeline says otherwise.
@@ -216,7 +389,8 @@ YAML::Node Load(const std::string& text) {
 Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
   const YAML::Node root = Load(text);
   if (!root.IsMap()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
-  if (root["CalibrationInformation"]) return FromKinect(root, name, frame);
+  if (root["CalibrationInformation"])
+    return formats_internal::KinectDepthIntrinsics(root, name, frame);
   if (root["cameraData"]) return FromDepthAi(root, name, frame);
   if (root["intrinsic_matrix"]) return FromOpen3d(root, name);
   if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromOpen3d(root["intrinsic"], name);

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <vector>
 
 #include "core/base/error.h"
@@ -15,8 +17,12 @@ namespace volalign {
 
 namespace {
 
-using formats_internal::FindKinectCamera;
-using formats_internal::KinectCamera;
+enum class KinectCamera { kDepth, kColour };
+
+/// A frame that is cut out of a chip, whole or binned, at (left, top), pixels.
+struct KinectMode {
+  int width, height, chip_width, chip_height, left, top;
+};
 
 /// "Rt" of a camera: the rotation row by row, and metres. Rt of every camera maps points of one
 /// frame, which the cameras of a device share, into its own (extrinsic_transformation.c of the
@@ -37,10 +43,7 @@ Pose CameraFromDevice(const YAML::Node& camera, const std::string& name) {
                           Eigen::Map<const Eigen::Vector3d>(t.data()), name + ": Rt");
 }
 
-}  // namespace
-
-namespace formats_internal {
-
+/// The camera in a raw calibration. Throws DataError if it has none.
 YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const std::string& name) {
   const bool depth = camera == KinectCamera::kDepth;
   for (const YAML::Node& node : root["CalibrationInformation"]["Cameras"]) {
@@ -55,6 +58,7 @@ YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const s
                               depth ? "depth" : "colour"));
 }
 
+/// The intrinsics of such frames.
 Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
                             const std::string& name) {
   const YAML::Node given = camera["Intrinsics"];
@@ -75,13 +79,9 @@ Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
           {p[4], p[5], p[13], p[12], p[6], p[7], p[8], p[9]}};
 }
 
-}  // namespace formats_internal
-
-namespace {
-
 /// The colour camera's chip is of 4:3; pictures of 16:9 are cut out of its middle, binned or not
 /// (Azure Kinect Sensor SDK, src/transformation/mode_specific_calibration.c).
-formats_internal::KinectMode ColourMode(const FrameSize& picture, const std::string& name) {
+KinectMode ColourMode(const FrameSize& picture, const std::string& name) {
   const int height = picture.width * 3 / 4;
   if (4 * height != 3 * picture.width || picture.height > height ||
       (height - picture.height) % 2 != 0) {
@@ -91,7 +91,30 @@ formats_internal::KinectMode ColourMode(const FrameSize& picture, const std::str
   return {picture.width, picture.height, picture.width, height, 0, (height - picture.height) / 2};
 }
 
+constexpr KinectMode kKinectModes[] = {{320, 288, 512, 512, 96, 90},
+                                       {640, 576, 1024, 1024, 192, 180},
+                                       {512, 512, 512, 512, 0, 0},
+                                       {1024, 1024, 1024, 1024, 0, 0}};
+
 }  // namespace
+
+namespace formats_internal {
+
+Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
+                                 const FrameSize& frame) {
+  const auto* mode = std::find_if(
+      std::begin(kKinectModes), std::end(kKinectModes),
+      [&](const KinectMode& m) { return m.width == frame.width && m.height == frame.height; });
+  if (mode == std::end(kKinectModes)) {
+    throw DataError(fmt::format(
+        "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
+        "1024x1024), so that its raw calibration does not hold for this one",
+        name, frame.width, frame.height));
+  }
+  return KinectIntrinsics(FindKinectCamera(root, KinectCamera::kDepth, name), *mode, name);
+}
+
+}  // namespace formats_internal
 
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
                                const std::optional<FrameSize>& picture) {
@@ -108,8 +131,7 @@ ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
         CameraFromDevice(colour, name) *
         CameraFromDevice(FindKinectCamera(root, KinectCamera::kDepth, name), name).inverse();
     if (picture) {
-      camera.intrinsics =
-          formats_internal::KinectIntrinsics(colour, ColourMode(*picture, name), name);
+      camera.intrinsics = KinectIntrinsics(colour, ColourMode(*picture, name), name);
       camera.intrinsics->Validate(name);
     }
     return camera;

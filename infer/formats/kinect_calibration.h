@@ -21,19 +21,10 @@ ColourCamera ReadKinectColour(const std::filesystem::path& path);
 
 namespace formats_internal {
 
-enum class KinectCamera { kDepth, kColour };
-
-/// The camera in a raw calibration (CalibrationInformation). Throws DataError if it has none.
-YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const std::string& name);
-
-/// A frame that is cut out of a chip, whole or binned, at (left, top), pixels.
-struct KinectMode {
-  int width, height, chip_width, chip_height, left, top;
-};
-
-/// The intrinsics of such frames, by a camera of a raw calibration. Throws DataError.
-Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
-                            const std::string& name);
+/// The intrinsics of depth frames of a size, by a raw calibration (CalibrationInformation), of
+/// which the size names the mode. Throws DataError.
+Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
+                                 const FrameSize& frame);
 
 }  // namespace formats_internal
 

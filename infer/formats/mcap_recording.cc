@@ -2,8 +2,8 @@
 // front, without its index, so that a file that was cut off still gives its frames.
 
 #include <fmt/format.h>
+#include <zlib.h>
 
-#include <array>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -40,21 +40,9 @@ struct Channel {
   std::string topic, encoding;
 };
 
-/// CRC-32 of IEEE 802.3, as zlib's.
 std::uint32_t Crc32(std::string_view bytes) {
-  static const std::array<std::uint32_t, 256> table = [] {
-    std::array<std::uint32_t, 256> made{};
-    for (std::uint32_t i = 0; i < made.size(); ++i) {
-      std::uint32_t c = i;
-      for (int k = 0; k < 8; ++k) c = (c & 1) != 0 ? 0xEDB88320U ^ (c >> 1) : c >> 1;
-      made[i] = c;
-    }
-    return made;
-  }();
-  std::uint32_t crc = 0xFFFFFFFFU;
-  for (const char byte : bytes)
-    crc = table[(crc ^ static_cast<std::uint8_t>(byte)) & 0xFFU] ^ (crc >> 8);
-  return ~crc;
+  return static_cast<std::uint32_t>(
+      crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
 class McapReader {

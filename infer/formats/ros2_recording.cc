@@ -18,7 +18,7 @@
 #include "core/base/text.h"
 #include "core/formats/image_io.h"
 #include "infer/formats/byte_reader.h"
-#include "infer/formats/lens_names.h"
+#include "infer/formats/intrinsics_file.h"
 #include "infer/formats/ros_depth.h"
 #include "infer/formats/unpack.h"
 

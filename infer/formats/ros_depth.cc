@@ -12,7 +12,7 @@
 #include "core/base/text.h"
 #include "core/geometry/lens.h"
 #include "infer/formats/depth_file.h"
-#include "infer/formats/lens_names.h"
+#include "infer/formats/intrinsics_file.h"
 
 namespace volalign::formats_internal {
 

@@ -8,12 +8,12 @@
 #include <functional>
 #include <set>
 #include <string_view>
+#include <variant>
 
 #include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
-#include "core/config/config_word.h"
 #include "infer/formats/poses/codecs.h"
 #include "infer/report/extrinsics.h"
 
@@ -23,56 +23,68 @@ namespace {
 
 using namespace poses_internal;
 
-/// A file format. Those that are folders have functions of their own.
+using PosesOfText = Poses (*)(const std::string& text, const std::string& name);
+using TextOfPoses = std::string (*)(const Poses& poses, const FileFrame& frame);
+using PosesOfFiles = Poses (*)(const Files& files);
+using FilesOfPoses = Files (*)(const Poses& poses, const FileFrame& frame);
+
+/// A file format.
 struct Format {
-  PoseFormat format;
-  /// Of a format that is one text. Null if it is a folder, or not read or written.
-  Poses (*read)(const std::string& text, const std::string& name);
-  std::string (*write)(const Poses& poses, const FileFrame& frame);
-  bool readable = true;
+  const char* word;
+  /// Of a format that is one text, or of one that is a folder. Null if it is not read or written.
+  std::variant<PosesOfText, PosesOfFiles> read;
+  std::variant<TextOfPoses, FilesOfPoses> write;
   /// The axis that is up in every file; empty if the format leaves the choice.
   std::string_view up = "";
   bool holds_intrinsics = true, holds_depth = true;  ///< depth: gain and offset
   bool needs_intrinsics = false;
+
+  bool readable() const {
+    return std::string_view(word) == kVolalignPoses ||
+           std::visit([](auto read_by) { return read_by != nullptr; }, read);
+  }
+  bool folder() const { return std::holds_alternative<FilesOfPoses>(write); }
 };
 
+constexpr PosesOfText kNotRead = nullptr;
+constexpr TextOfPoses kNotWritten = nullptr;
+constexpr char kKinectV2[] = "livescan3d_kinect_v2", kAzure[] = "livescan3d_azure";
+
 constexpr Format kFormats[] = {
-    {PoseFormat::kVolalign, nullptr, nullptr},
-    {PoseFormat::kPoses, ReadPosesJson, WritePosesJson},
-    {PoseFormat::kOpen3d, ReadOpen3d, WriteOpen3d, true, "", true, true, true},
-    {PoseFormat::kOpen3dLog, ReadOpen3dLog, WriteOpen3dLog, true, "", false},
-    {PoseFormat::kColmap, nullptr, nullptr, true, "", true, true, true},
-    {PoseFormat::kOpencv, ReadOpencv, WriteOpencv},
-    {PoseFormat::kRos, ReadRos, WriteRos, true, "z", false},
-    {PoseFormat::kRosLaunch, nullptr, WriteRosLaunch, false, "z", false},
-    {PoseFormat::kUrdf, nullptr, WriteUrdf, false, "z", false, false},
-    {PoseFormat::kUnity, ReadUnity, WriteUnity, true, "y"},
-    {PoseFormat::kVolumetricCapture, nullptr, nullptr, true, "z", false, false},
-    {PoseFormat::kLivescanKinectV2, nullptr, nullptr, true, "", false, false},
-    {PoseFormat::kLivescanAzure, nullptr, nullptr, true, "", false, false},
-    {PoseFormat::kCwipc, ReadCwipc, WriteCwipc, true, "", false},
-    {PoseFormat::kTum, ReadTum, WriteTum, true, "", false},
-    {PoseFormat::kCsv, ReadCsv, WriteCsv},
-    {PoseFormat::kDepthCorrection, nullptr, nullptr, false, "", true, true, true}};
+    {kVolalignPoses, kNotRead, kNotWritten},
+    {"poses", ReadPosesJson, WritePosesJson},
+    {"open3d", ReadOpen3d, WriteOpen3d, "", true, true, true},
+    {"open3d_log", ReadOpen3dLog, WriteOpen3dLog, "", false},
+    {"colmap", ReadColmap, WriteColmap, "", true, true, true},
+    {"opencv", ReadOpencv, WriteOpencv},
+    {"ros", ReadRos, WriteRos, "z", false},
+    {"ros_launch", kNotRead, WriteRosLaunch, "z", false},
+    {"urdf", kNotRead, WriteUrdf, "z", false, false},
+    {"unity", ReadUnity, WriteUnity, "y"},
+    {"volumetric_capture", ReadVolumetricCapture, WriteVolumetricCapture, "z", false, false},
+    {kKinectV2, ReadLivescan, WriteLivescan, "", false, false},
+    {kAzure, ReadLivescan, WriteLivescan, "", false, false},
+    {"cwipc", ReadCwipc, WriteCwipc, "", false},
+    {"tum", ReadTum, WriteTum, "", false},
+    {"csv", ReadCsv, WriteCsv},
+    {"depth_correction", kNotRead, WriteDepthCorrection, "", true, true, true}};
 
-const Format& FormatOf(PoseFormat format) {
-  return *std::find_if(std::begin(kFormats), std::end(kFormats),
-                       [&](const Format& one) { return one.format == format; });
-}
-
-bool IsLivescan(PoseFormat format) {
-  return format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure;
-}
-
-/// Pose of the camera whose points LiveScan3D's client of that device transforms: p_camera = T
-/// p_depth.
-Pose LivescanCamera(PoseFormat format, const std::string& name,
-                    const std::optional<ColourCamera>& colour) {
-  if (format == PoseFormat::kLivescanKinectV2) {
-    Pose pose = Pose::Identity();
-    pose.linear() = KinectV2FromSensor();
-    return pose;
+/// Throws ConfigError with all words for any other.
+const Format& FormatOf(const std::string& word) {
+  for (const Format& format : kFormats) {
+    if (format.word == word) return format;
   }
+  throw ConfigError(
+      fmt::format("\"{}\" is no format; known are {}", word, fmt::join(PoseFormats(), ", ")));
+}
+
+/// Pose of the camera that a file's pose belongs to: p_camera = T p_depth. Clients of LiveScan3D
+/// for a Kinect v2 and for an Azure Kinect transform points of another one.
+Pose CameraOf(const std::string& format, const std::string& name,
+              const std::optional<ColourCamera>& colour) {
+  Pose pose = Pose::Identity();
+  if (format == kKinectV2) pose.linear() = KinectV2FromSensor();
+  if (format != kAzure) return pose;
   if (!colour) {
     throw ConfigError(fmt::format(
         "livescan3d_azure: poses are those of colour cameras, and the place of {0}'s colour camera "
@@ -82,19 +94,13 @@ Pose LivescanCamera(PoseFormat format, const std::string& name,
   return colour->colour_from_depth;
 }
 
-Files ReadFolder(const std::filesystem::path& path, PoseFormat format) {
-  const auto wanted = [&](const std::filesystem::path& file) {
-    if (IsLivescan(format)) return IsLivescanFile(file.filename().string());
-    return format == PoseFormat::kColmap
-               ? file.filename() == "cameras.txt" || file.filename() == "images.txt"
-               : file.extension() == ".extrinsics";
-  };
+Files ReadFolder(const std::filesystem::path& path) {
   Files files;
   std::error_code error;
   for (std::filesystem::directory_iterator it(path, error), end; !error && it != end;
        it.increment(error)) {
-    if (wanted(it->path()))
-      files[it->path().filename().string()] = ReadFile(it->path(), kMaxResultBytes);
+    const std::string name = it->path().filename().string();
+    if (IsFileOfPoses(name)) files[name] = ReadFile(it->path(), kMaxResultBytes);
   }
   if (error) throw IoError(fmt::format("{}: {}", path.string(), error.message()));
   return files;
@@ -155,7 +161,7 @@ std::vector<SensorPose> ColourPoses(const std::vector<SensorPose>& poses) {
 }
 
 /// p_world = T p_structure, and the file's description of the world.
-std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPose>& poses,
+std::pair<Pose, FileFrame> WorldOf(const std::string& format, const std::vector<SensorPose>& poses,
                                    const WorldChoice& choice) {
   const std::string fixed(FormatOf(format).up);
   std::string from = choice.origin;
@@ -170,8 +176,7 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
             {"axes and origin of " + world.name, world.name, choice.colour}};
   }
   if (!choice.up.empty() && !fixed.empty() && choice.up != fixed) {
-    throw ConfigError(
-        fmt::format("--up {}: in files of {}, {} is up", choice.up, ToString(format), fixed));
+    throw ConfigError(fmt::format("--up {}: in files of {}, {} is up", choice.up, format, fixed));
   }
   const std::string up = fixed.empty() ? choice.up : fixed;
   FileFrame frame{"", from, choice.colour};
@@ -202,24 +207,11 @@ std::pair<Pose, FileFrame> WorldOf(PoseFormat format, const std::vector<SensorPo
   return {up == "z" ? ZUp() * world : world, frame};
 }
 
-std::vector<SensorPose> ReadAny(const std::filesystem::path& path, PoseFormat format,
-                                const ColourCameras& colour) {
-  if (format == PoseFormat::kVolalign) return ReadPosesOfExtrinsics(path);
-  if (!IsReadable(format)) {
-    throw ConfigError(fmt::format("{} is written and not read", ToString(format)));
-  }
-  if (IsFolder(format)) {
-    const Files files = ReadFolder(path, format);
-    if (IsLivescan(format)) {
-      return ReadLivescan(files, [&](const std::string& name) {
-        const auto found = colour.find(name);
-        return LivescanCamera(format, name,
-                              found == colour.end() ? std::nullopt : std::optional(found->second));
-      });
-    }
-    return format == PoseFormat::kColmap ? ReadColmap(files) : ReadVolumetricCapture(files);
-  }
-  return FormatOf(format).read(ReadFile(path, kMaxResultBytes), path.string());
+std::vector<SensorPose> ReadAny(const std::filesystem::path& path, const Format& format) {
+  if (format.word == std::string(kVolalignPoses)) return ReadPosesOfExtrinsics(path);
+  if (!format.readable()) throw ConfigError(fmt::format("{} is written and not read", format.word));
+  if (const auto* read = std::get_if<PosesOfFiles>(&format.read)) return (*read)(ReadFolder(path));
+  return std::get<PosesOfText>(format.read)(ReadFile(path, kMaxResultBytes), path.string());
 }
 
 /// "S1 +3.2, S2 -0.4", of the sensors with a value above a tenth of a millimetre.
@@ -235,7 +227,8 @@ std::string Millimetres(const std::vector<SensorPose>& poses,
 
 /// A sentence on the depth corrections, each with its size at the structure's distance; "" without
 /// any.
-std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, bool colour) {
+std::string DepthNote(const std::string& format, const std::vector<SensorPose>& poses,
+                      bool colour) {
   const std::string off = Millimetres(poses, [](const SensorPose& pose) {
     const double distance = pose.structure_from_sensor.translation().norm();
     return (pose.depth_gain - 1) * distance + pose.depth_offset_m;
@@ -246,9 +239,8 @@ std::string DepthNote(PoseFormat format, const std::vector<SensorPose>& poses, b
       "are off (mm): {}",
       colour ? "and these corrections of the depth cameras are not in the file"
       : !FormatOf(format).holds_depth ? "and these corrections have no place in it"
-      : format == PoseFormat::kDepthCorrection
-          ? "which these files describe"
-          : "by each sensor's depth_gain and depth_offset_m in the file",
+      : format == "depth_correction"  ? "which these files describe"
+                                     : "by each sensor's depth_gain and depth_offset_m in the file",
       off);
 }
 
@@ -268,14 +260,15 @@ std::string TurnIntoRaw(std::vector<SensorPose>* poses) {
 }
 
 /// Throws if the format cannot be written. Returns a sentence on everything that it leaves out.
-std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorPose>& poses) {
+std::vector<std::string> CheckPlace(const std::string& format,
+                                    const std::vector<SensorPose>& poses) {
   const Format& traits = FormatOf(format);
   bool intrinsics = false, distortion = false;
   for (const SensorPose& pose : poses) {
     if (traits.needs_intrinsics && !pose.intrinsics)
-      throw ConfigError(fmt::format("{} needs intrinsics, and those of \"{}\" are not known",
-                                    ToString(format), pose.name));
-    if (IsFolder(format) && format != PoseFormat::kColmap &&
+      throw ConfigError(
+          fmt::format("{} needs intrinsics, and those of \"{}\" are not known", format, pose.name));
+    if (traits.folder() && format != "colmap" &&
         (pose.name.empty() || pose.name.find('/') != std::string::npos || pose.name[0] == '.'))
       throw ConfigError(fmt::format("\"{}\" is no name of a file", pose.name));
     intrinsics = intrinsics || pose.intrinsics;
@@ -290,11 +283,11 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
                                   "up to (mm): " +
                                       off));
   }
-  if (distortion && format == PoseFormat::kOpen3d)
+  if (distortion && format == "open3d")
     lost.push_back(
         "the distortion has no place in it: Open3D's cameras are pinholes, so undistort the "
         "pictures");
-  if (format == PoseFormat::kLivescanAzure) {
+  if (format == kAzure) {
     lost.push_back(
         "LiveScan3D reads calibration_SERIAL.txt in its working folder. So a sensor's name has to "
         "be its serial number. Some clients look for a file without .txt: copy it to that name");
@@ -304,22 +297,19 @@ std::vector<std::string> CheckPlace(PoseFormat format, const std::vector<SensorP
 
 }  // namespace
 
-bool IsReadable(PoseFormat format) { return FormatOf(format).readable; }
-
-bool IsFolder(PoseFormat format) {
-  return format != PoseFormat::kVolalign && !FormatOf(format).write;
+std::vector<std::string> PoseFormats() {
+  std::vector<std::string> words;
+  for (const Format& format : kFormats) words.emplace_back(format.word);
+  return words;
 }
 
-PoseFormat ParsePoseFormat(const std::string& word) {
-  PoseFormat format{};
-  if (FromWord(word, &format)) return format;
-  throw ConfigError(fmt::format("\"{}\" is no format; known are {}", word,
-                                fmt::join(WordsOfAll<PoseFormat>(), ", ")));
-}
+bool IsReadable(const std::string& format) { return FormatOf(format).readable(); }
 
-std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
+bool IsFolder(const std::string& format) { return FormatOf(format).folder(); }
+
+std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, const std::string& format,
                                   const ColourCameras& colour) {
-  std::vector<SensorPose> poses = ReadAny(path, format, colour);
+  std::vector<SensorPose> poses = ReadAny(path, FormatOf(format));
   if (poses.empty()) throw DataError(fmt::format("{}: no sensor with a pose", path.string()));
   for (SensorPose& pose : poses) {
     RequirePlainName(pose.name, path.string());
@@ -327,28 +317,31 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat 
       pose.structure_from_sensor = ZUp().inverse() * pose.structure_from_sensor;
     const auto given = colour.find(pose.name);
     if (given != colour.end()) pose.colour = given->second;
+    pose.structure_from_sensor =
+        pose.structure_from_sensor * CameraOf(format, pose.name, pose.colour);
   }
   return poses;
 }
 
-std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format) {
-  return format == PoseFormat::kVolalign ? ReadExtrinsics(path).structure.floor_m : std::nullopt;
+std::optional<double> ReadFloor(const std::filesystem::path& path, const std::string& format) {
+  return format == kVolalignPoses ? ReadExtrinsics(path).structure.floor_m : std::nullopt;
 }
 
-std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, PoseFormat format) {
-  return format == PoseFormat::kVolalign ? ReadExtrinsics(path).world : std::nullopt;
+std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, const std::string& format) {
+  return format == kVolalignPoses ? ReadExtrinsics(path).world : std::nullopt;
 }
 
-std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
+std::vector<std::string> WritePoses(const std::filesystem::path& path, const std::string& format,
                                     const std::vector<SensorPose>& poses,
                                     const WorldChoice& choice) {
-  if (format == PoseFormat::kVolalign)
+  const Format& traits = FormatOf(format);
+  if (format == kVolalignPoses)
     throw ConfigError(
         "only `volalign calibrate` writes an extrinsics.json; --to poses has the "
         "poses and intrinsics alone");
-  if (choice.colour && IsLivescan(format)) {
-    throw ConfigError(fmt::format(
-        "--camera colour: {} says by itself which camera its poses are of", ToString(format)));
+  if (choice.colour && (format == kKinectV2 || format == kAzure)) {
+    throw ConfigError(
+        fmt::format("--camera colour: {} says by itself which camera its poses are of", format));
   }
   std::set<std::string> names;
   for (const SensorPose& pose : poses) {
@@ -356,9 +349,9 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     if (!names.insert(pose.name).second)
       throw DataError(fmt::format("{}: two poses are named \"{}\"", path.string(), pose.name));
   }
-  if (choice.raw && (choice.colour || format == PoseFormat::kDepthCorrection)) {
+  if (choice.raw && (choice.colour || format == "depth_correction")) {
     throw ConfigError(fmt::format("--poses-for raw: {} has nothing to do with uncorrected depths",
-                                  choice.colour ? "--camera colour" : ToString(format)));
+                                  choice.colour ? "--camera colour" : format));
   }
   std::vector<SensorPose> cameras = choice.colour ? ColourPoses(poses) : poses;
   const std::string raw_note = choice.raw ? TurnIntoRaw(&cameras) : "";
@@ -368,24 +361,20 @@ std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseForma
     frame.name = choice.frame;
   }
   std::vector<std::string> notes = CheckPlace(format, cameras);
-  for (SensorPose& camera : cameras)
-    camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor;
+  for (SensorPose& camera : cameras) {
+    camera.structure_from_sensor = world_from_structure * camera.structure_from_sensor *
+                                   CameraOf(format, camera.name, camera.colour).inverse();
+  }
   const std::string note = choice.raw ? raw_note : DepthNote(format, poses, choice.colour);
   if (!note.empty()) notes.push_back(note);
   if (choice.world && (choice.origin.empty() || choice.origin == "world"))
     notes.push_back("the poses are in the frame of " + choice.world->name);
-  if (!IsFolder(format)) {
-    WriteFileAtomically(path, FormatOf(format).write(cameras, frame));
-    return notes;
+  if (const auto* write = std::get_if<TextOfPoses>(&traits.write)) {
+    WriteFileAtomically(path, (*write)(cameras, frame));
+  } else {
+    for (const auto& [name, text] : std::get<FilesOfPoses>(traits.write)(cameras, frame))
+      WriteFileAtomically(path / name, text);
   }
-  const auto camera_of = [&](const std::string& name) {
-    return LivescanCamera(format, name, SensorNamed(cameras, name).colour);
-  };
-  const Files files = IsLivescan(format)                       ? WriteLivescan(cameras, camera_of)
-                      : format == PoseFormat::kColmap          ? WriteColmap(cameras, frame)
-                      : format == PoseFormat::kDepthCorrection ? WriteDepthCorrection(cameras)
-                                                               : WriteVolumetricCapture(cameras);
-  for (const auto& [name, text] : files) WriteFileAtomically(path / name, text);
   return notes;
 }
 

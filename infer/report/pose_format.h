@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <map>
 #include <optional>
@@ -8,51 +7,15 @@
 #include <utility>
 #include <vector>
 
-#include "core/config/config_word.h"
 #include "infer/formats/poses/sensor_pose.h"
 #include "infer/report/world_frame.h"
 
 namespace volalign {
 
-/// Files of camera poses of other programs; docs/conversion.md describes each.
-enum class PoseFormat {
-  kVolalign,
-  kPoses,
-  kOpen3d,
-  kOpen3dLog,
-  kColmap,
-  kOpencv,
-  kRos,
-  kRosLaunch,
-  kUrdf,
-  kUnity,
-  kVolumetricCapture,
-  kLivescanKinectV2,
-  kLivescanAzure,
-  kCwipc,
-  kTum,
-  kCsv,
-  kDepthCorrection
-};
-constexpr Words<PoseFormat, 17> WordsOf(PoseFormat) {
-  return {{{"volalign", PoseFormat::kVolalign},
-           {"poses", PoseFormat::kPoses},
-           {"open3d", PoseFormat::kOpen3d},
-           {"open3d_log", PoseFormat::kOpen3dLog},
-           {"colmap", PoseFormat::kColmap},
-           {"opencv", PoseFormat::kOpencv},
-           {"ros", PoseFormat::kRos},
-           {"ros_launch", PoseFormat::kRosLaunch},
-           {"urdf", PoseFormat::kUrdf},
-           {"unity", PoseFormat::kUnity},
-           {"volumetric_capture", PoseFormat::kVolumetricCapture},
-           {"livescan3d_kinect_v2", PoseFormat::kLivescanKinectV2},
-           {"livescan3d_azure", PoseFormat::kLivescanAzure},
-           {"cwipc", PoseFormat::kCwipc},
-           {"tum", PoseFormat::kTum},
-           {"csv", PoseFormat::kCsv},
-           {"depth_correction", PoseFormat::kDepthCorrection}}};
-}
+/// The words of the formats of camera poses of other programs; docs/conversion.md describes each.
+/// Any other word is a ConfigError of the functions below.
+std::vector<std::string> PoseFormats();
+inline constexpr char kVolalignPoses[] = "volalign";  ///< an extrinsics.json
 
 /// Colour cameras by their sensors' names. livescan3d_azure has points of the colour camera, so
 /// reading and writing it needs that of every sensor.
@@ -77,35 +40,32 @@ struct WorldChoice {
   std::optional<WorldFrame> world;
 };
 
-/// Parses a format's word. Throws ConfigError with all words for any other.
-PoseFormat ParsePoseFormat(const std::string& word);
-
 /// Can files of that format be read? They can of all but `ros_launch`, `urdf` and
 /// `depth_correction`. All but `volalign` are written.
-bool IsReadable(PoseFormat format);
+bool IsReadable(const std::string& format);
 
 /// Is that format a folder of files?
-bool IsFolder(PoseFormat format);
+bool IsFolder(const std::string& format);
 
 /// Reads a file, or a folder if the format is one, or the folder of a calibration for `volalign`.
 /// Formats without names name the sensors by their number. Poses are as in the file, y up. Colour
 /// cameras in `colour` replace those of the file. Throws IoError, DataError, or ConfigError if a
 /// colour camera is needed and not known, or if the format is only written.
-std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, PoseFormat format,
+std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, const std::string& format,
                                   const ColourCameras& colour = {});
 
 /// The floor's height in the structure frame, m; none if the file does not have it. Throws as
 /// ReadPoses.
-std::optional<double> ReadFloor(const std::filesystem::path& path, PoseFormat format);
+std::optional<double> ReadFloor(const std::filesystem::path& path, const std::string& format);
 
 /// The world that `calibrate --world` stored, if any. Throws as ReadPoses.
-std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, PoseFormat format);
+std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, const std::string& format);
 
 /// Writes atomically, over existing files. Returns a sentence for everything that the format has no
 /// place for, and one on the depth corrections, each with its cost in millimetres. Throws IoError.
 /// Throws ConfigError for `volalign`, which only `volalign calibrate` writes, and if the format or
 /// the choice needs something that is not known.
-std::vector<std::string> WritePoses(const std::filesystem::path& path, PoseFormat format,
+std::vector<std::string> WritePoses(const std::filesystem::path& path, const std::string& format,
                                     const std::vector<SensorPose>& poses,
                                     const WorldChoice& choice = {});
 

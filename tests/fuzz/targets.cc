@@ -100,14 +100,7 @@ const std::vector<FuzzTarget>& FuzzTargets() {
       {"ros", [](Bytes bytes) { poses::ReadRos(bytes, "file"); }},
       {"cwipc", [](Bytes bytes) { poses::ReadCwipc(bytes, "file"); }},
       {"volumetric", [](Bytes bytes) { poses::ReadVolumetricCapture(FolderOf(bytes)); }},
-      {"livescan",
-       [](Bytes bytes) {
-         poses::Files files;  // as ReadPoses chooses them
-         for (auto& [name, text] : FolderOf(bytes)) {
-           if (poses::IsLivescanFile(name)) files[name] = text;
-         }
-         poses::ReadLivescan(files, [](const std::string&) { return Pose::Identity(); });
-       }},
+      {"livescan", [](Bytes bytes) { poses::ReadLivescan(FolderOf(bytes)); }},
       {"colmap", [](Bytes bytes) { poses::ReadColmap(FolderOf(bytes)); }}};
   return targets;
 }

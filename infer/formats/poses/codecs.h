@@ -3,7 +3,6 @@
 // The formats: one pair of functions each, for texts in memory. Readers throw DataError with the
 // file's `name` in the message. Not for callers of ReadPoses and WritePoses.
 
-#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -36,8 +35,10 @@ std::string DepthComments(const Poses& poses);
 /// DataError for a word that is no number.
 void ReadDepthComments(const std::string& text, const std::string& name, Poses* poses);
 
-/// The texts of a folder's files, by name.
+/// The texts of a folder's files, by name. Readers pass over those of other formats.
 using Files = std::map<std::string, std::string>;
+/// May it be a file of a format that is a folder, by its name?
+bool IsFileOfPoses(const std::string& file);
 
 /// The width or height of a picture, in a format whose numbers are all read alike. Throws
 /// DataError, with `place` in its message, for anything but a whole number from 1 on.
@@ -72,26 +73,22 @@ std::string WriteRosLaunch(const Poses& poses, const FileFrame& frame);
 std::string WriteUrdf(const Poses& poses, const FileFrame& frame);
 
 /// Writes files for VolumetricCapture. Their world has z up, as in ros.
-Files WriteVolumetricCapture(const Poses& poses);
+Files WriteVolumetricCapture(const Poses& poses, const FileFrame& frame);
 Poses ReadVolumetricCapture(const Files& files);
 
 std::string WriteCwipc(const Poses& poses, const FileFrame& frame);
 Poses ReadCwipc(const std::string& text, const std::string& name);
 
-/// Pose of LiveScan3D's camera, whose points it transforms, to the sensor of that name: p_camera =
-/// T p_sensor.
-using CameraFromSensor = std::function<Pose(const std::string& name)>;
-Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor);
-Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor);
-/// Is it one of its files, by its name?
-bool IsLivescanFile(const std::string& file);
+/// Poses of the cameras whose points LiveScan3D transforms.
+Files WriteLivescan(const Poses& poses, const FileFrame& frame);
+Poses ReadLivescan(const Files& files);
 
 Files WriteColmap(const Poses& poses, const FileFrame& frame);
 Poses ReadColmap(const Files& files);
 
 /// Per sensor, a NumPy file NAME.npy, float32 [height, width, 4]: x and y of the pixel's ray on the
 /// plane z = 1, sensor frame, NaN without one; depth_gain; depth_offset_m. All need intrinsics.
-Files WriteDepthCorrection(const Poses& poses);
+Files WriteDepthCorrection(const Poses& poses, const FileFrame& frame);
 
 /// The pose with which uncorrected depths fit best, and what it leaves, for points up to 1 m from
 /// the structure's origin. Throws ConfigError if none of them is before the sensor.

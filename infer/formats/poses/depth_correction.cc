@@ -81,7 +81,7 @@ double LensShift(const SensorPose& sensor) {
   return most;
 }
 
-Files WriteDepthCorrection(const Poses& poses) {
+Files WriteDepthCorrection(const Poses& poses, const FileFrame& /*frame*/) {
   Files files;
   for (const SensorPose& pose : poses) {
     const RayTable table = ComputeRays(*pose.intrinsics);

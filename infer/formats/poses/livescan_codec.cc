@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <filesystem>
 #include <locale>
 #include <sstream>
 
@@ -64,12 +65,15 @@ Pose WorldFromCamera(const std::string& text, const std::string& file) {
 
 }  // namespace
 
-bool IsLivescanFile(const std::string& file) { return file.rfind(kBegin, 0) == 0; }
+bool IsFileOfPoses(const std::string& file) {
+  return file.rfind(kBegin, 0) == 0 || file == "cameras.txt" || file == "images.txt" ||
+         std::filesystem::path(file).extension() == ".extrinsics";
+}
 
-Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sensor) {
+Files WriteLivescan(const Poses& poses, const FileFrame& /*frame*/) {
   Files files;
   for (const SensorPose& sensor : poses) {
-    const Pose pose = sensor.structure_from_sensor * camera_from_sensor(sensor.name).inverse();
+    const Pose& pose = sensor.structure_from_sensor;
     const Eigen::Matrix3d r = pose.linear();
     const Eigen::Vector3d t = r.transpose() * pose.translation();
     std::string& text = files[kBegin + sensor.name + kEnd];
@@ -81,13 +85,13 @@ Files WriteLivescan(const Poses& poses, const CameraFromSensor& camera_from_sens
   return files;
 }
 
-Poses ReadLivescan(const Files& files, const CameraFromSensor& camera_from_sensor) {
+Poses ReadLivescan(const Files& files) {
   Poses poses;
   for (const auto& [file, text] : files) {
-    const std::string name = NameOf(file);
+    if (file.rfind(kBegin, 0) != 0) continue;
     SensorPose pose;
-    pose.name = name;
-    pose.structure_from_sensor = WorldFromCamera(text, file) * camera_from_sensor(name);
+    pose.name = NameOf(file);
+    pose.structure_from_sensor = WorldFromCamera(text, file);
     poses.push_back(std::move(pose));
   }
   if (poses.empty()) throw DataError("the folder has no file calibration_SERIAL.txt");

@@ -271,7 +271,7 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
   return poses;
 }
 
-Files WriteVolumetricCapture(const Poses& poses) {
+Files WriteVolumetricCapture(const Poses& poses, const FileFrame& /*frame*/) {
   Files files;
   for (const SensorPose& pose : poses) {
     const Eigen::Matrix3d r = pose.structure_from_sensor.linear();

@@ -9,8 +9,6 @@
 #include <vector>
 
 #include "infer/formats/kinect_calibration.h"
-#include "infer/formats/lens_names.h"
-#include "infer/formats/printed_intrinsics.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 

@@ -73,7 +73,7 @@ class PosesTest : public ::testing::Test {
   }
 
   /// The poses, written by the format; returns the file.
-  std::filesystem::path Written(PoseFormat format, const WorldChoice& world = {}) {
+  std::filesystem::path Written(const std::string& format, const WorldChoice& world = {}) {
     std::filesystem::path path = Path("poses");
     std::filesystem::remove_all(path);
     WritePoses(path, format, poses_, world);
@@ -89,60 +89,58 @@ void ExpectSamePose(const Pose& a, const Pose& b, const std::string& what) {
   EXPECT_LT((a.matrix() - b.matrix()).cwiseAbs().maxCoeff(), 1e-9) << what;
 }
 
-bool HasNoRoomForDepth(PoseFormat format) {
-  return format == PoseFormat::kVolumetricCapture || format == PoseFormat::kLivescanKinectV2 ||
-         format == PoseFormat::kLivescanAzure || format == PoseFormat::kUrdf;
+bool HasNoRoomForDepth(const std::string& format) {
+  return format == "volumetric_capture" || format == "livescan3d_kinect_v2" ||
+         format == "livescan3d_azure" || format == "urdf";
 }
 
 // By how much points are off without them, at the structure's distance.
 TEST_F(PosesTest, SaysWhatBecomesOfDepthCorrections) {
   const double distance = poses_[2].structure_from_sensor.translation().norm();
   const std::string s3 = fmt::format("S3 {:+.1f}", 2 * distance - 8);
-  const auto note_of = [&](PoseFormat format, const WorldChoice& world = {}) {
+  const auto note_of = [&](const std::string& format, const WorldChoice& world = {}) {
     std::filesystem::remove_all(Path("noted"));
     for (const std::string& note : WritePoses(Path("noted"), format, poses_, world)) {
       if (note.find("corrected depths") != std::string::npos) return note;
     }
     return std::string();
   };
-  for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (format == PoseFormat::kVolalign) continue;
+  for (const std::string& format : PoseFormats()) {
+    if (format == "volalign") continue;
     const std::string note = note_of(format);
-    EXPECT_TRUE(Has(note, s3)) << word;
-    EXPECT_FALSE(Has(note, "S1")) << word;
-    EXPECT_EQ(bool(Has(note, "have no place in it")), HasNoRoomForDepth(format)) << word << note;
+    EXPECT_TRUE(Has(note, s3)) << format;
+    EXPECT_FALSE(Has(note, "S1")) << format;
+    EXPECT_EQ(bool(Has(note, "have no place in it")), HasNoRoomForDepth(format)) << format << note;
   }
-  EXPECT_TRUE(Has(note_of(PoseFormat::kPoses, World("structure", "", true)), "not in the file"));
+  EXPECT_TRUE(Has(note_of("poses", World("structure", "", true)), "not in the file"));
   for (SensorPose& pose : poses_) pose.depth_gain = 1, pose.depth_offset_m = 0;
-  EXPECT_EQ(note_of(PoseFormat::kTum), "");
+  EXPECT_EQ(note_of("tum"), "");
 }
 
 TEST_F(PosesTest, ComeBackFromEveryFormat) {
-  for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (format == PoseFormat::kVolalign || !IsReadable(format)) continue;
+  for (const std::string& format : PoseFormats()) {
+    if (format == "volalign" || !IsReadable(format)) continue;
     const std::vector<SensorPose> back = ReadPoses(Written(format), format, colour_);
-    ASSERT_EQ(back.size(), poses_.size()) << word;
-    const bool with_intrinsics = !HasNoRoomForDepth(format) && format != PoseFormat::kOpen3dLog &&
-                                 format != PoseFormat::kRos && format != PoseFormat::kTum &&
-                                 format != PoseFormat::kCwipc;
+    ASSERT_EQ(back.size(), poses_.size()) << format;
+    const bool with_intrinsics = !HasNoRoomForDepth(format) && format != "open3d_log" &&
+                                 format != "ros" && format != "tum" && format != "cwipc";
     for (std::size_t i = 0; i < back.size(); ++i) {
-      EXPECT_EQ(back[i].name, poses_[i].name) << word;
-      ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, word);
+      EXPECT_EQ(back[i].name, poses_[i].name) << format;
+      ExpectSamePose(back[i].structure_from_sensor, poses_[i].structure_from_sensor, format);
       if (!HasNoRoomForDepth(format)) {
-        EXPECT_EQ(back[i].depth_gain, poses_[i].depth_gain) << word;
-        EXPECT_EQ(back[i].depth_offset_m, poses_[i].depth_offset_m) << word;
+        EXPECT_EQ(back[i].depth_gain, poses_[i].depth_gain) << format;
+        EXPECT_EQ(back[i].depth_offset_m, poses_[i].depth_offset_m) << format;
       }
-      ASSERT_EQ(back[i].intrinsics.has_value(), with_intrinsics) << word;
+      ASSERT_EQ(back[i].intrinsics.has_value(), with_intrinsics) << format;
       if (!with_intrinsics) continue;
       Intrinsics expected = *poses_[i].intrinsics;
-      if (format == PoseFormat::kOpen3d) expected.distortion.clear();
+      if (format == "open3d") expected.distortion.clear();
       // COLMAP's full model has eight coefficients.
-      if (format == PoseFormat::kColmap && expected.distortion.size() == 5)
-        expected.distortion.resize(8);
-      EXPECT_EQ(back[i].intrinsics->distortion, expected.distortion) << word;
-      EXPECT_DOUBLE_EQ(back[i].intrinsics->fx, expected.fx) << word;
-      EXPECT_NEAR(back[i].intrinsics->cx, expected.cx, 1e-12) << word;
-      EXPECT_EQ(back[i].intrinsics->width, expected.width) << word;
+      if (format == "colmap" && expected.distortion.size() == 5) expected.distortion.resize(8);
+      EXPECT_EQ(back[i].intrinsics->distortion, expected.distortion) << format;
+      EXPECT_DOUBLE_EQ(back[i].intrinsics->fx, expected.fx) << format;
+      EXPECT_NEAR(back[i].intrinsics->cx, expected.cx, 1e-12) << format;
+      EXPECT_EQ(back[i].intrinsics->width, expected.width) << format;
     }
   }
 }
@@ -150,11 +148,11 @@ TEST_F(PosesTest, ComeBackFromEveryFormat) {
 Eigen::Vector3d ZUp(const Eigen::Vector3d& p) { return {p.x(), -p.z(), p.y()}; }
 
 /// Formats whose poses are of whatever camera and world they are given.
-std::vector<PoseFormat> FreeFormats() {
-  std::vector<PoseFormat> formats;
-  for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (IsReadable(format) && format != PoseFormat::kVolalign && format != PoseFormat::kRos &&
-        format != PoseFormat::kUnity && format != PoseFormat::kVolumetricCapture)
+std::vector<std::string> FreeFormats() {
+  std::vector<std::string> formats;
+  for (const std::string& format : PoseFormats()) {
+    if (IsReadable(format) && format != "volalign" && format != "ros" && format != "unity" &&
+        format != "volumetric_capture")
       formats.push_back(format);
   }
   return formats;
@@ -177,7 +175,7 @@ TEST_F(PosesTest, TheWorldIsChosen) {
                         {"S2", "y", p - eye},
                         {"S2", "z", ZUp(p - eye)},
                         {"S2", "", poses_[1].structure_from_sensor.inverse() * p}};
-  for (const PoseFormat format : FreeFormats()) {
+  for (const std::string& format : FreeFormats()) {
     for (const Case& c : cases) {
       const std::vector<SensorPose> back =
           ReadPoses(Written(format, World(c.origin, c.up, false, kFloor)), format, colour_);
@@ -185,7 +183,7 @@ TEST_F(PosesTest, TheWorldIsChosen) {
       for (std::size_t i = 0; i < back.size(); ++i) {
         const Eigen::Vector3d seen = poses_[i].structure_from_sensor.inverse() * p;
         EXPECT_LT((back[i].structure_from_sensor * seen - c.expected).norm(), 1e-9)
-            << ToString(format) << " " << c.origin << " " << c.up;
+            << format << " " << c.origin << " " << c.up;
       }
       if (c.origin == "S2" && c.up.empty())
         ExpectSamePose(back[1].structure_from_sensor, Pose::Identity(), "the origin");
@@ -196,31 +194,27 @@ TEST_F(PosesTest, TheWorldIsChosen) {
 // What is read of a format with a fixed axis up is y up again.
 TEST_F(PosesTest, FormatsWithAFixedUpKeepIt) {
   const Eigen::Vector3d p(0.3, 0.5, -0.2), eye = poses_[0].structure_from_sensor.translation();
-  for (const PoseFormat format :
-       {PoseFormat::kRos, PoseFormat::kUnity, PoseFormat::kVolumetricCapture}) {
+  for (const std::string format : {"ros", "unity", "volumetric_capture"}) {
     const auto back = ReadPoses(Written(format, World("S1")), format);
     EXPECT_LT((back[2].structure_from_sensor * (poses_[2].structure_from_sensor.inverse() * p) -
                (p - eye))
                   .norm(),
               1e-9);
-    EXPECT_THROW(Written(format, World("S1", format == PoseFormat::kUnity ? "z" : "y")),
-                 ConfigError);
+    EXPECT_THROW(Written(format, World("S1", format == "unity" ? "z" : "y")), ConfigError);
   }
-  const std::string text = ReadFile(Written(PoseFormat::kRos, World("floor", "", false, -0.5)));
+  const std::string text = ReadFile(Written("ros", World("floor", "", false, -0.5)));
   EXPECT_TRUE(Has(text, "frame_id: \"floor\"", "\"S1_depth_optical_frame\""));
   const std::size_t z = text.find("z: ", text.find("translation"));
   EXPECT_NEAR(std::stod(text.substr(z + 3)), eye.y() + 0.5, 1e-12);
 }
 
 TEST_F(PosesTest, SaysInTheFileWhichWorldItIs) {
-  for (const PoseFormat format :
-       {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kOpen3dLog, PoseFormat::kOpencv,
-        PoseFormat::kTum, PoseFormat::kCsv, PoseFormat::kCwipc}) {
+  for (const char* format : {"poses", "open3d", "open3d_log", "opencv", "tum", "csv", "cwipc"}) {
     EXPECT_TRUE(
         Has(ReadFile(Written(format, World("S2"))), "the camera of S2, x right, y down, z forward"))
-        << ToString(format);
+        << format;
   }
-  EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kPoses, World("S2", "z"))),
+  EXPECT_TRUE(Has(ReadFile(Written("poses", World("S2", "z"))),
                   "z up, right-handed, (x, y, z) of volalign's structure frame is (x, -z, y), "
                   "origin at the camera of S2"));
 }
@@ -228,28 +222,27 @@ TEST_F(PosesTest, SaysInTheFileWhichWorldItIs) {
 TEST_F(PosesTest, TheWorldMayHaveAName) {
   WorldChoice world;
   world.frame = "robot base";
-  for (const PoseFormat format : {PoseFormat::kRos, PoseFormat::kRosLaunch, PoseFormat::kUrdf})
-    EXPECT_TRUE(Has(ReadFile(Written(format, world)), "\"robot base\"")) << ToString(format);
+  for (const char* format : {"ros", "ros_launch", "urdf"})
+    EXPECT_TRUE(Has(ReadFile(Written(format, world)), "\"robot base\"")) << format;
 }
 
 TEST_F(PosesTest, TheNameOfTheWorldForgesNothing) {
   WorldChoice world;
   world.frame = "x\nimport os";
-  EXPECT_THROW(Written(PoseFormat::kRosLaunch, world), Error);
+  EXPECT_THROW(Written("ros_launch", world), Error);
   world.frame = "S1_depth_optical_frame";
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kUrdf, world); }, {"that of a sensor"});
+  ExpectError<ConfigError>([&] { Written("urdf", world); }, {"that of a sensor"});
   world.frame = "";
   world.world.emplace();
   world.world->name = "a--><x/>";
-  EXPECT_FALSE(Has(ReadFile(Written(PoseFormat::kUrdf, world)), "<x/>"));
+  EXPECT_FALSE(Has(ReadFile(Written("urdf", world)), "<x/>"));
 }
 
 // Without a correction, what it would do is in the pose, as far as a pose can do it.
 TEST_F(PosesTest, PosesForRawDepths) {
   WorldChoice world;
   world.raw = true;
-  const std::vector<SensorPose> raw =
-      ReadPoses(Written(PoseFormat::kPoses, world), PoseFormat::kPoses);
+  const std::vector<SensorPose> raw = ReadPoses(Written("poses", world), "poses");
   for (std::size_t i = 0; i < raw.size(); ++i) {
     EXPECT_FALSE(raw[i].corrects_depth());
     const Pose& pose = poses_[i].structure_from_sensor;
@@ -259,15 +252,14 @@ TEST_F(PosesTest, PosesForRawDepths) {
     EXPECT_LT((raw[i].structure_from_sensor * measured).norm(), 5e-5) << i;
     EXPECT_EQ((pose * measured).norm() > 5e-5, i > 0) << i;
   }
-  const std::vector<std::string> notes =
-      WritePoses(Path("noted"), PoseFormat::kPoses, poses_, world);
+  const std::vector<std::string> notes = WritePoses(Path("noted"), "poses", poses_, world);
   ASSERT_EQ(notes.size(), 1u);
   EXPECT_TRUE(Has(notes[0], "uncorrected depths", "S4 +"));
   EXPECT_FALSE(Has(notes[0], "S1"));
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kDepthCorrection, world); },
+  ExpectError<ConfigError>([&] { Written("depth_correction", world); },
                            {"--poses-for raw", "depth_correction"});
   world.colour = true;
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, world); }, {"--camera colour"});
+  ExpectError<ConfigError>([&] { Written("poses", world); }, {"--camera colour"});
 }
 
 TEST_F(PosesTest, SaysWhatLostIntrinsicsCost) {
@@ -275,19 +267,18 @@ TEST_F(PosesTest, SaysWhatLostIntrinsicsCost) {
   poses_[1].intrinsics_given = poses_[1].intrinsics;
   poses_[1].intrinsics_given->cx += 3;
   const double depth = (poses_[1].structure_from_sensor.inverse() * Eigen::Vector3d::Zero()).z();
-  const std::string note = WritePoses(Path("noted"), PoseFormat::kTum, poses_).front();
+  const std::string note = WritePoses(Path("noted"), "tum", poses_).front();
   EXPECT_TRUE(Has(note, "intrinsics have no place", "S2 +"));
   EXPECT_FALSE(Has(note, "S1"));
   // Points behind the structure are farther off.
   const double off = std::stod(note.substr(note.find("S2 +") + 4));
   EXPECT_GT(off, 1000 * 3 / 252.5 * depth);
   EXPECT_LT(off, 1000 * 3 / 252.5 * (depth + 1.1));
-  EXPECT_FALSE(Has(WritePoses(Path("noted"), PoseFormat::kCsv, poses_).front(), "intrinsics"));
+  EXPECT_FALSE(Has(WritePoses(Path("noted"), "csv", poses_).front(), "intrinsics"));
 }
 
 TEST_F(PosesTest, SomeFormatsAreOnlyWritten) {
-  for (const PoseFormat format :
-       {PoseFormat::kRosLaunch, PoseFormat::kUrdf, PoseFormat::kDepthCorrection}) {
+  for (const char* format : {"ros_launch", "urdf", "depth_correction"}) {
     ExpectError<ConfigError>([&] { ReadPoses(Written(format), format); }, {"written and not read"});
   }
 }
@@ -299,38 +290,36 @@ TEST_F(PosesTest, TheWorldOfTheUser) {
   given.world_from_structure = testing_infer::MakePose({M_PI / 2, 0.3, 0.1}, {1, -2, 3});
   poses_[1].intrinsics_given = poses_[1].intrinsics;
   poses_[1].intrinsics_given->cx += 3;
-  const std::vector<std::string> without = WritePoses(Path("noted"), PoseFormat::kTum, poses_);
+  const std::vector<std::string> without = WritePoses(Path("noted"), "tum", poses_);
   WorldChoice choice;
   choice.world = given;
   const Eigen::Vector3d expected =
       given.world_from_structure * (poses_[1].structure_from_sensor * p);
-  for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kRos, PoseFormat::kUnity}) {
+  for (const std::string format : {"poses", "ros", "unity"}) {
     Eigen::Vector3d q = ReadPoses(Written(format, choice), format)[1].structure_from_sensor * p;
-    if (format == PoseFormat::kRos) q = {q.x(), -q.z(), q.y()};  // read as a world with y up
-    EXPECT_LT((q - expected).norm(), 1e-9) << ToString(format);
+    if (format == "ros") q = {q.x(), -q.z(), q.y()};  // read as a world with y up
+    EXPECT_LT((q - expected).norm(), 1e-9) << format;
   }
-  EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "frame_id: \"robot base\"",
+  EXPECT_TRUE(Has(ReadFile(Written("ros", choice)), "frame_id: \"robot base\"",
                   "axes and origin of robot base"));
   // What is off at the structure does not depend on where that stands.
-  const std::vector<std::string> notes =
-      WritePoses(Path("noted"), PoseFormat::kTum, poses_, choice);
+  const std::vector<std::string> notes = WritePoses(Path("noted"), "tum", poses_, choice);
   ASSERT_EQ(notes.size(), without.size() + 1);
   for (std::size_t i = 0; i < without.size(); ++i) EXPECT_EQ(notes[i], without[i]);
   EXPECT_TRUE(Has(notes.back(), "in the frame of robot base"));
   choice.origin = "structure";
-  EXPECT_FALSE(Has(ReadFile(Written(PoseFormat::kRos, choice)), "robot base"));
+  EXPECT_FALSE(Has(ReadFile(Written("ros", choice)), "robot base"));
   choice = {};
   choice.origin = "world";
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, choice); }, {"calibrate --world"});
+  ExpectError<ConfigError>([&] { Written("poses", choice); }, {"calibrate --world"});
   choice.world = given;
   choice.up = "z";
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kPoses, choice); }, {"--up"});
+  ExpectError<ConfigError>([&] { Written("poses", choice); }, {"--up"});
 }
 
 TEST_F(PosesTest, OriginsThatAreNotKnown) {
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, World("floor")); }, {"--origin floor"});
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, World("S9")); },
-                           {"--origin S9", "S1, S2, S3, S4"});
+  ExpectError<ConfigError>([&] { Written("tum", World("floor")); }, {"--origin floor"});
+  ExpectError<ConfigError>([&] { Written("tum", World("S9")); }, {"--origin S9", "S1, S2, S3, S4"});
 }
 
 // The colour camera's pose takes its own points to where the depth camera's are.
@@ -338,8 +327,8 @@ TEST_F(PosesTest, OfTheColourCameras) {
   WorldChoice world;
   world.colour = true;
   const Eigen::Vector3d p(0.3, 0.5, -0.2);
-  for (const PoseFormat format : FreeFormats()) {
-    if (format == PoseFormat::kLivescanKinectV2 || format == PoseFormat::kLivescanAzure) {
+  for (const std::string& format : FreeFormats()) {
+    if (format == "livescan3d_kinect_v2" || format == "livescan3d_azure") {
       EXPECT_THROW(Written(format, world), ConfigError);
       continue;
     }
@@ -347,26 +336,25 @@ TEST_F(PosesTest, OfTheColourCameras) {
     for (std::size_t i = 0; i < back.size(); ++i) {
       const Eigen::Vector3d seen =
           ColourFromDepth() * (poses_[i].structure_from_sensor.inverse() * p);
-      EXPECT_LT((back[i].structure_from_sensor * seen - p).norm(), 1e-9) << ToString(format);
+      EXPECT_LT((back[i].structure_from_sensor * seen - p).norm(), 1e-9) << format;
       if (back[i].intrinsics) {
         EXPECT_EQ(back[i].intrinsics->width, 1280);
       }
     }
   }
   world.origin = "S1";
-  ExpectSamePose(
-      ReadPoses(Written(PoseFormat::kPoses, world), PoseFormat::kPoses)[0].structure_from_sensor,
-      Pose::Identity(), "the origin is that camera");
-  EXPECT_TRUE(Has(ReadFile(Written(PoseFormat::kRos, world)), "S2_color_optical_frame"));
+  ExpectSamePose(ReadPoses(Written("poses", world), "poses")[0].structure_from_sensor,
+                 Pose::Identity(), "the origin is that camera");
+  EXPECT_TRUE(Has(ReadFile(Written("ros", world)), "S2_color_optical_frame"));
   poses_[2].colour.reset();
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kTum, world); }, {"--camera colour", "S3"});
-  ExpectError<ConfigError>([&] { Written(PoseFormat::kLivescanAzure); }, {"--colour-camera S3="});
+  ExpectError<ConfigError>([&] { Written("tum", world); }, {"--camera colour", "S3"});
+  ExpectError<ConfigError>([&] { Written("livescan3d_azure"); }, {"--colour-camera S3="});
 }
 
 // As cwipc has it: cameras by their serial numbers, with `trafo` row by row.
 TEST_F(PosesTest, CwipcsCameraConfig) {
   poses_[0].serial = "000123";
-  const auto json = nlohmann::json::parse(ReadFile(Written(PoseFormat::kCwipc)));
+  const auto json = nlohmann::json::parse(ReadFile(Written("cwipc")));
   EXPECT_EQ(json["camera"][0]["serial"], "000123");
   EXPECT_EQ(json["camera"][1]["serial"], "S2");
   const Pose& pose = poses_[0].structure_from_sensor;
@@ -376,7 +364,7 @@ TEST_F(PosesTest, CwipcsCameraConfig) {
       "cameraconfig.json",
       R"({"version": 3, "type": "realsense", "system": {}, "camera": [{"type": "realsense",
            "serial": "77", "trafo": [[1, 0, 0, 0.5], [0, 1, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]}]})");
-  const auto read = ReadPoses(file, PoseFormat::kCwipc);
+  const auto read = ReadPoses(file, "cwipc");
   EXPECT_EQ(read.at(0).name, "77");
   EXPECT_EQ(read[0].structure_from_sensor.translation(), Eigen::Vector3d(0.5, 0, 2));
 }
@@ -385,8 +373,8 @@ TEST_F(PosesTest, CwipcsCameraConfig) {
 // terminal.
 TEST_F(PosesTest, RefuseNamesThatForge) {
   const std::string plain = poses_[0].name;
-  for (const auto& [word, format] : WordsOf(PoseFormat())) {
-    if (format == PoseFormat::kVolalign) continue;
+  for (const std::string& format : PoseFormats()) {
+    if (format == "volalign") continue;
     for (const char* name : {"A\n0 9 9 9 0 0 0 1\n#", "A\x1b[31mRED", "\xff\xfe"}) {
       poses_[0].name = name;
       ExpectError<DataError>([&, f = format] { WritePoses(Path("forged"), f, poses_); },
@@ -398,18 +386,17 @@ TEST_F(PosesTest, RefuseNamesThatForge) {
     poses_[0].name = plain;
   }
   poses_[0].name = "FORGED";
-  const auto expect_refused = [&](PoseFormat format, const std::string& name) {
+  const auto expect_refused = [&](const std::string& format, const std::string& name) {
     const std::filesystem::path file = Written(format);
     std::string text = ReadFile(file);
     for (std::size_t at; (at = text.find("FORGED")) != std::string::npos;)
       text.replace(at, 6, name);
     WriteFileAtomically(file, text);
-    EXPECT_THROW(ReadPoses(file, format, colour_), DataError) << ToString(format);
+    EXPECT_THROW(ReadPoses(file, format, colour_), DataError) << format;
   };
-  for (const PoseFormat format : {PoseFormat::kPoses, PoseFormat::kOpen3d, PoseFormat::kUnity})
+  for (const char* format : {"poses", "open3d", "unity"})
     expect_refused(format, "A\\n0 9 9 9 0 0 0 1\\n#");
-  for (const PoseFormat format : {PoseFormat::kTum, PoseFormat::kOpen3dLog, PoseFormat::kCsv,
-                                  PoseFormat::kOpencv, PoseFormat::kRos})
+  for (const char* format : {"tum", "open3d_log", "csv", "opencv", "ros"})
     expect_refused(format, "A\x1b[31mRED");
 }
 
@@ -418,27 +405,27 @@ TEST_F(PosesTest, NamesInACsvAreNoFormulas) {
   poses_[0].name = "=1+1";
   poses_[1].name = "-30";
   poses_[2].name = "'=1";
-  const std::filesystem::path file = Written(PoseFormat::kCsv);
+  const std::filesystem::path file = Written("csv");
   EXPECT_TRUE(Has(ReadFile(file), "\n\"'=1+1\","));
-  const std::vector<SensorPose> back = ReadPoses(file, PoseFormat::kCsv);
+  const std::vector<SensorPose> back = ReadPoses(file, "csv");
   for (std::size_t i = 0; i < back.size(); ++i) EXPECT_EQ(back[i].name, poses_[i].name);
 }
 
 TEST_F(PosesTest, SayWhatAFormatHasNoPlaceFor) {
-  EXPECT_EQ(WritePoses(Path("a"), PoseFormat::kTum, poses_).size(), 2u);
-  EXPECT_EQ(WritePoses(Path("a"), PoseFormat::kOpen3d, poses_).size(), 2u);
+  EXPECT_EQ(WritePoses(Path("a"), "tum", poses_).size(), 2u);
+  EXPECT_EQ(WritePoses(Path("a"), "open3d", poses_).size(), 2u);
   // What becomes of the depth corrections is said of every format.
-  EXPECT_EQ(WritePoses(Path("a"), PoseFormat::kOpencv, poses_).size(), 1u);
-  const auto refused = [&](std::initializer_list<PoseFormat> formats) {
-    for (const PoseFormat format : formats)
-      EXPECT_THROW(WritePoses(Path("a"), format, poses_), ConfigError) << ToString(format);
+  EXPECT_EQ(WritePoses(Path("a"), "opencv", poses_).size(), 1u);
+  const auto refused = [&](std::initializer_list<const char*> formats) {
+    for (const char* format : formats)
+      EXPECT_THROW(WritePoses(Path("a"), format, poses_), ConfigError) << format;
   };
-  refused({PoseFormat::kVolalign});
+  refused({"volalign"});
   poses_[1].intrinsics.reset();
-  refused({PoseFormat::kOpen3d, PoseFormat::kColmap});
+  refused({"open3d", "colmap"});
   poses_[1].name = "../S2";
-  refused({PoseFormat::kVolumetricCapture, PoseFormat::kLivescanKinectV2});
-  EXPECT_THROW(ParsePoseFormat("kinect"), ConfigError);
+  refused({"volumetric_capture", "livescan3d_kinect_v2"});
+  EXPECT_THROW(IsReadable("kinect"), ConfigError);
 }
 
 // A file that VolumetricCapture's users show (github.com/VCL3D/VolumetricCapture/issues/20): rows
@@ -450,7 +437,7 @@ TEST_F(PosesTest, VolumetricCapturesOwnFile) {
                                                         "-0.23122 0.0128353 0.972817\n"
                                                         "-0.972821 -0.0158753 -0.231011\n"
                                                         "-71.0407 -1803.81 494.83\n";
-  const std::vector<SensorPose> poses = ReadPoses(Path("volcap"), PoseFormat::kVolumetricCapture);
+  const std::vector<SensorPose> poses = ReadPoses(Path("volcap"), "volumetric_capture");
   ASSERT_EQ(poses.size(), 1u);
   EXPECT_EQ(poses[0].name, "d4150");
   const Pose& pose = poses[0].structure_from_sensor;
@@ -486,11 +473,11 @@ TEST_F(PosesTest, LivescanOverlaysTheClouds) {
   for (const SensorPose& pose : poses_) {
     const Eigen::Vector3d p = pose.structure_from_sensor.inverse() * world;
     const std::string file = "calibration_" + pose.name + ".txt";
-    const Eigen::Vector3d kinect = LivescanPoint(Written(PoseFormat::kLivescanKinectV2) / file,
+    const Eigen::Vector3d kinect = LivescanPoint(Written("livescan3d_kinect_v2") / file,
                                                  Eigen::Vector3d(-p.x(), -p.y(), p.z()));
     EXPECT_LT((kinect - world).norm(), 1e-5) << pose.name;
     const Eigen::Vector3d azure =
-        LivescanPoint(Written(PoseFormat::kLivescanAzure) / file, ColourFromDepth() * p);
+        LivescanPoint(Written("livescan3d_azure") / file, ColourFromDepth() * p);
     EXPECT_LT((azure - world).norm(), 1e-5) << pose.name;
   }
 }
@@ -502,9 +489,7 @@ TEST_F(PosesTest, LivescansOwnFile) {
     std::ofstream(Path("livescan") / "calibration_0001") << text;
   };
   write("0.1 -0.2 -1.5 \n0.8-0.6-0\n0.60.80\n001\n3\n1\n");
-  const auto read = [&] {
-    return ReadPoses(Path("livescan"), PoseFormat::kLivescanKinectV2).at(0);
-  };
+  const auto read = [&] { return ReadPoses(Path("livescan"), "livescan3d_kinect_v2").at(0); };
   EXPECT_THROW(read(), DataError);  // "001" ends one number too early, for LiveScan3D as well
   write(
       "0.1 -0.2 -1.5 "
@@ -524,7 +509,7 @@ TEST_F(PosesTest, LivescansOwnFile) {
 
 // Read by OpenCV itself; a point is projected as its documentation says.
 TEST_F(PosesTest, OpencvReadsAndProjects) {
-  cv::FileStorage file(Written(PoseFormat::kOpencv).string(),
+  cv::FileStorage file(Written("opencv").string(),
                        cv::FileStorage::READ | cv::FileStorage::FORMAT_YAML);
   ASSERT_TRUE(file.isOpened());
   std::size_t i = 0;
@@ -554,7 +539,7 @@ TEST_F(PosesTest, OpencvReadsAndProjects) {
 // What a sensor sees ahead, at the top of its picture and on its right is there in Unity, too, for
 // a transform that looks along +z with +y up and +x right.
 TEST_F(PosesTest, UnityLooksAtTheSameThings) {
-  const nlohmann::json file = nlohmann::json::parse(ReadFile(Written(PoseFormat::kUnity)));
+  const nlohmann::json file = nlohmann::json::parse(ReadFile(Written("unity")));
   for (std::size_t i = 0; i < poses_.size(); ++i) {
     const nlohmann::json& sensor = file["sensors"][i];
     const Eigen::Vector3d position(sensor["position"]["x"], sensor["position"]["y"],
@@ -577,7 +562,7 @@ TEST_F(PosesTest, UnityLooksAtTheSameThings) {
 
 // COLMAP's full model is ours, with pixel centres at .5.
 TEST_F(PosesTest, ColmapsPixelsAreHalfAPixelOn) {
-  std::istringstream cameras(ReadFile(Written(PoseFormat::kColmap) / "cameras.txt"));
+  std::istringstream cameras(ReadFile(Written("colmap") / "cameras.txt"));
   std::string line;
   std::size_t i = 0;
   while (std::getline(cameras, line)) {
@@ -598,46 +583,46 @@ TEST_F(PosesTest, ColmapsPixelsAreHalfAPixelOn) {
 
 TEST_F(PosesTest, PicturesHaveAWholeNumberOfPixels) {
   for (const std::string width : {"640.5", "1e300", "-1e300", "0"}) {
-    const std::filesystem::path colmap = Written(PoseFormat::kColmap);
+    const std::filesystem::path colmap = Written("colmap");
     std::string cameras = ReadFile(colmap / "cameras.txt");
     const std::string size = fmt::format(" {} ", poses_[0].intrinsics->width);
     cameras.replace(cameras.find(size, cameras.find('\n')), size.size(), " " + width + " ");
     std::ofstream(colmap / "cameras.txt") << cameras;
-    ExpectError<DataError>([&] { ReadPoses(colmap, PoseFormat::kColmap); },
+    ExpectError<DataError>([&] { ReadPoses(colmap, "colmap"); },
                            {"camera 1", "is no number of pixels"});
-    std::string csv = ReadFile(Written(PoseFormat::kCsv));
+    std::string csv = ReadFile(Written("csv"));
     const std::string field = fmt::format(",{},", poses_[0].intrinsics->width);
     csv.replace(csv.find(field, csv.find('\n')), field.size(), "," + width + ",");
     std::ofstream(Path("sized.csv")) << csv;
-    ExpectError<DataError>([&] { ReadPoses(Path("sized.csv"), PoseFormat::kCsv); },
+    ExpectError<DataError>([&] { ReadPoses(Path("sized.csv"), "csv"); },
                            {"line", "is no number of pixels"});
   }
 }
 
 TEST_F(PosesTest, BrokenFilesAreNamed) {
-  const std::pair<PoseFormat, const char*> broken[] = {
-      {PoseFormat::kTum, "0 1 2 3 0 0 0\n"},
-      {PoseFormat::kTum, "0 1 2 3 0 0 0 2\n"},
-      {PoseFormat::kTum, "0 1 2 nan 0 0 0 1\n"},
-      {PoseFormat::kTum, ""},
-      {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"},
-      {PoseFormat::kOpen3dLog, "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n"},
-      {PoseFormat::kOpen3dLog, "0 0 1\n1.01 0 0 0\n0 1.01 0 0\n0 0 1.01 0\n0 0 0 1\n"},
-      {PoseFormat::kOpen3d, "{\"class_name\": \"PinholeCameraParameters\"}"},
-      {PoseFormat::kCsv, "a,b\n"},
-      {PoseFormat::kOpencv, "sensors: []\n"},
-      {PoseFormat::kOpencv, "%YAML:1.0\n---\nsensors:\n  - {name: a, R: 3}\n"},
-      {PoseFormat::kRos, "- {child_frame_id: a, header: {frame_id: map}}\n"},
-      {PoseFormat::kRos, "- {child_frame_id: a\n"},
-      {PoseFormat::kUnity, "{\"sensors\": [{\"name\": \"a\"}]}"},
-      {PoseFormat::kPoses, "{\"format\": \"x\"}"}};
+  const std::pair<const char*, const char*> broken[] = {
+      {"tum", "0 1 2 3 0 0 0\n"},
+      {"tum", "0 1 2 3 0 0 0 2\n"},
+      {"tum", "0 1 2 nan 0 0 0 1\n"},
+      {"tum", ""},
+      {"open3d_log", "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n"},
+      {"open3d_log", "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n"},
+      {"open3d_log", "0 0 1\n1.01 0 0 0\n0 1.01 0 0\n0 0 1.01 0\n0 0 0 1\n"},
+      {"open3d", "{\"class_name\": \"PinholeCameraParameters\"}"},
+      {"csv", "a,b\n"},
+      {"opencv", "sensors: []\n"},
+      {"opencv", "%YAML:1.0\n---\nsensors:\n  - {name: a, R: 3}\n"},
+      {"ros", "- {child_frame_id: a, header: {frame_id: map}}\n"},
+      {"ros", "- {child_frame_id: a\n"},
+      {"unity", "{\"sensors\": [{\"name\": \"a\"}]}"},
+      {"poses", "{\"format\": \"x\"}"}};
   for (const auto& [format, text] : broken) {
     std::ofstream(Path("broken")) << text;
     SCOPED_TRACE(text);
     ExpectError<DataError>([&, f = format] { ReadPoses(Path("broken"), f); }, {"broken"});
   }
-  EXPECT_THROW(ReadPoses(Path("none"), PoseFormat::kColmap), IoError);
-  EXPECT_THROW(ReadPoses(Path("none"), PoseFormat::kTum), IoError);
+  EXPECT_THROW(ReadPoses(Path("none"), "colmap"), IoError);
+  EXPECT_THROW(ReadPoses(Path("none"), "tum"), IoError);
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ SensorPose Sensor() {
 // A pixel's four numbers make the point that the lens sees there, at the corrected depth.
 TEST(DepthCorrection, MakesPointsOfPixels) {
   const SensorPose sensor = Sensor();
-  const std::string bytes = WriteDepthCorrection({sensor}).at("S1.npy");
+  const std::string bytes = WriteDepthCorrection({sensor}, {}).at("S1.npy");
   const std::size_t header = 10 + static_cast<unsigned char>(bytes[8]);
   EXPECT_EQ(header % 64, 0u);
   EXPECT_EQ(bytes[header - 1], '\n');
