@@ -13,7 +13,6 @@
 #include "core/base/progress_line.h"
 #include "core/config/config.h"
 #include "core/geometry/rig.h"
-#include "infer/plan/plan_picture.h"
 #include "infer/plan/plan_report.h"
 
 namespace volalign {

@@ -11,7 +11,6 @@
 #include "core/base/error.h"
 #include "core/base/file_util.h"
 #include "core/geometry/rig.h"
-#include "infer/plan/plan_picture.h"
 #include "infer/plan/plan_report.h"
 
 namespace volalign::python {

@@ -15,4 +15,7 @@ std::string FormatPlan(const RigPlan& plan);
 /// ok.
 Table PlanTable(const RigPlan& plan);
 
+/// The plan seen from above (RigFromAbove), SVG: the sensors with their expected errors.
+std::string PlanPicture(const RigPlan& plan);
+
 }  // namespace volalign

@@ -19,14 +19,10 @@
 #include "core/json/strict_json.h"
 #include "core/plot/picture.h"
 #include "infer/capture/capture.h"
-#include "infer/report/advice.h"
-#include "infer/report/html_report/encode.h"
-#include "infer/report/html_report/page.h"
-#include "infer/report/html_report/rig_views.h"
+#include "infer/report/clouds.h"
+#include "infer/report/html_report/payload.h"
 #include "infer/report/panels.h"
-#include "infer/report/pictures.h"
-#include "infer/report/ply.h"
-#include "infer/report/rig_gltf.h"
+#include "infer/report/report.h"
 
 namespace volalign {
 
@@ -189,36 +185,25 @@ void AddPaths(const std::string& capture, const std::vector<std::string>& sensor
   paths->insert(kCloudFolder / below / "merged.ply");
 }
 
-/// The files of the run whose results are in `folder`. None if its extrinsics.json is not one of
-/// volalign's, of whatever version.
+/// The files of the run whose results are in `folder`. None if its extrinsics.json cannot be read.
 std::set<std::filesystem::path> EarlierFiles(const std::filesystem::path& folder) {
-  const std::filesystem::path path = folder / kExtrinsicsFile;
-  std::set<std::filesystem::path> files;
-  if (!std::filesystem::exists(path)) return files;
+  std::set<std::filesystem::path> files = {kReportFile, kRigFile};
   try {
-    const nlohmann::json document = ParseStrictJson(ReadFile(path, kMaxResultBytes), path.string());
-    const JsonObject root(document, path.string());
-    if (root.Text("format").rfind("volalign.extrinsics/", 0) != 0) return files;
+    const Extrinsics earlier = ReadExtrinsics(folder);
     // volalign writes no name that leads elsewhere.
-    std::vector<std::string> sensors;
-    for (const std::string& name : root.Child("sensors").Keys()) {
-      if (IsFileName(name)) sensors.push_back(name);
+    std::vector<std::string> sensors, captures;
+    for (const Extrinsics::Sensor& sensor : earlier.sensors) {
+      if (IsFileName(sensor.name)) sensors.push_back(sensor.name);
     }
-    std::vector<std::string> captures;
-    if (root.Has("placements")) {
-      for (const JsonObject& placement : root.Children("placements")) {
-        if (placement.Has("name") && IsFileName(placement.Text("name")))
-          captures.push_back(placement.Text("name"));
-      }
+    for (const Extrinsics::Placement& placement : earlier.placements) {
+      if (IsFileName(placement.name)) captures.push_back(placement.name);
     }
     if (captures.empty()) captures = {""};
     for (const std::string& capture : captures) AddPaths(capture, sensors, sensors, &files);
-    files.insert(kReportFile);
-    files.insert(kRigFile);
+    return files;
   } catch (const Error&) {
-    files.clear();
+    return {};
   }
-  return files;
 }
 
 /// Files of an earlier run that this one does not write.

@@ -47,4 +47,15 @@ FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, in
 /// turned like most of the others.
 std::vector<int> UprightTurnsOf(const std::vector<FrameResult>& sensors);
 
+/// Converts 0 to 1 into 0 to 255.
+LabelImage ConfidenceImage(const Image<float>& confidence);
+
+/// A frame's panels side by side under the sensor's name, status and figures. Each has its caption
+/// and its scale. `caption_labels`: with a legend of the sides' colours below.
+RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
+                       const Structure& structure, bool caption_labels);
+
+/// The sensors' pictures, and one legend of the sides' colours below them all.
+RgbImage OverviewPicture(const std::vector<RgbImage>& pictures, const Structure& structure);
+
 }  // namespace volalign

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <map>
 #include <utility>
 #include <vector>
@@ -17,18 +19,8 @@ namespace volalign {
 
 namespace {
 
-const PairResult* FindPair(const std::vector<PairResult>& pairs, const std::string& a,
-                           const std::string& b) {
-  for (const PairResult& pair : pairs) {
-    if ((pair.a == a && pair.b == b) || (pair.a == b && pair.b == a)) return &pair;
-  }
-  return nullptr;
-}
-
-/// Overlap of each two sensors in percent above the diagonal, RMS between them in mm below it. A
-/// line names the largest distance and the least certain pair.
-std::string OverlapTable(const CalibrationResult& result) {
-  constexpr std::size_t kWidest = 16;  // sensors
+/// A line with the largest distance of two sensors' points and the least certain pair.
+std::string Overlaps(const CalibrationResult& result) {
   if (result.pairs.empty()) return "";
   std::size_t overlapping = 0;
   PairResult apart, open;
@@ -50,30 +42,7 @@ std::string OverlapTable(const CalibrationResult& result) {
         "deviation) or less",
         1000 * open.sigma_m);
   }
-  summary += '\n';
-  std::vector<std::string> names;
-  std::size_t width = 5;
-  for (const FrameResult& sensor : result.sensors) {
-    if (!sensor.structure_from_sensor) continue;
-    names.push_back(sensor.name);
-    width = std::max(width, sensor.name.size());
-  }
-  if (names.size() > kWidest) return summary;
-  std::string text = fmt::format("{:<{}}", "", width);
-  for (const std::string& name : names) text += fmt::format("  {:>{}}", name, width);
-  text += "   overlap, % above the diagonal; RMS, mm below\n";
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    text += fmt::format("{:<{}}", names[i], width);
-    for (std::size_t j = 0; j < names.size(); ++j) {
-      const PairResult* pair = FindPair(result.pairs, names[i], names[j]);
-      std::string cell = i == j ? "." : "-";
-      if (pair && i < j) cell = fmt::format("{:.0f}", 100 * pair->overlap);
-      if (pair && pair->overlaps() && i > j) cell = fmt::format("{:.1f}", 1000 * pair->rms_m);
-      text += fmt::format("  {:>{}}", cell, width);
-    }
-    text += '\n';
-  }
-  return text + summary;
+  return summary + '\n';
 }
 
 std::string SensorTable(const std::vector<FrameResult>& sensors) {
@@ -335,7 +304,7 @@ std::string FormatReport(const CalibrationResult& result) {
   if (result.assembly && result.assembly->altered())
     text += fmt::format(": {}", result.assembly->arrangement.sentence);
   text += "\n" + Findings(result.findings) + Reasons(result.sensors) + SensorTable(result.sensors) +
-          Placements(result) + Boxes(result) + Lenses(result.sensors) + OverlapTable(result);
+          Placements(result) + Boxes(result) + Lenses(result.sensors) + Overlaps(result);
   if (result.metrics) {
     text += fmt::format(
         "d1 {:.1f} mm, d2 {:.1f} mm (the paper's: all points against the stack's surface)\n",
@@ -343,6 +312,69 @@ std::string FormatReport(const CalibrationResult& result) {
   }
   if (result.placed() > 0) text += Solution(result.solve);
   return text + Seconds(result.timings_s);
+}
+
+namespace {
+
+/// Names the least certain sensors, and the largest standard deviation after a second capture.
+/// Empty if there are several captures already, or fewer than two such sensors.
+std::string AdviseSecondCapture(const CalibrationResult& result) {
+  std::vector<std::pair<double, const FrameResult*>> known;
+  std::vector<Matrix6d> covariances;
+  for (const FrameResult& sensor : result.sensors) {
+    if (!sensor.structure_from_sensor || !sensor.covariance.allFinite() ||
+        !(sensor.covariance.determinant() > 0))
+      continue;
+    known.emplace_back(LargestSigmaPosition(*sensor.structure_from_sensor, sensor.covariance),
+                       &sensor);
+    covariances.push_back(sensor.covariance);
+  }
+  if (known.size() < 2 || !result.captures.empty()) return "";
+  const std::vector<Matrix6d> after = WithSecondCapture(covariances);
+  double worst = 0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    worst =
+        std::max(worst, LargestSigmaPosition(*known[i].second->structure_from_sensor, after[i]));
+  }
+  std::stable_sort(known.begin(), known.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  return fmt::format(
+      "least certain: {} ({:.1f} mm) and {} ({:.1f} mm). To improve: move only the stack, capture "
+      "again, and calibrate with both captures ({:.1f} mm at best)",
+      known[0].second->name, 1000 * known[0].first, known[1].second->name, 1000 * known[1].first,
+      1000 * worst);
+}
+
+}  // namespace
+
+std::vector<Matrix6d> WithSecondCapture(const std::vector<Matrix6d>& covariances) {
+  Matrix6d information = Matrix6d::Zero();
+  for (const Matrix6d& covariance : covariances) information += covariance.inverse();
+  const Matrix6d common = information.inverse();
+  std::vector<Matrix6d> after;
+  for (const Matrix6d& covariance : covariances) after.emplace_back((covariance + common) / 2);
+  return after;
+}
+
+std::vector<std::string> Advise(const CalibrationResult& result) {
+  std::vector<std::string> advice;
+  if (result.verdict() == SensorStatus::kOk) {
+    advice.emplace_back(
+        "the poses can be used: volalign convert writes them for other programs. To see later "
+        "whether a sensor moved, take a new capture and run volalign check");
+  } else if (result.placed() > 0 && !result.findings.empty()) {
+    advice.emplace_back(
+        "all poses are doubtful for the same reason: do what is said above, and calibrate again");
+  } else if (result.placed() > 0) {
+    advice.emplace_back(
+        "use the poses of the sensors that are ok. For the others, do what is said above, and "
+        "calibrate again");
+  } else {
+    advice.emplace_back("no pose can be used; do what is said above and calibrate again");
+  }
+  if (const std::string second = AdviseSecondCapture(result); !second.empty())
+    advice.push_back(second);
+  return advice;
 }
 
 }  // namespace volalign

@@ -2,8 +2,11 @@
 
 #include <filesystem>
 #include <memory>
+#include <vector>
 
+#include "core/base/image.h"
 #include "core/geometry/structure.h"
+#include "core/model/network_options.h"
 #include "infer/view/network_segmenter.h"
 
 namespace volalign {
@@ -14,5 +17,9 @@ namespace volalign {
 /// IoError, or DataError for a file that is truncated, changed, or of another program.
 std::unique_ptr<NetworkSegmenter> LoadOnnxSegmenter(const std::filesystem::path& file,
                                                     const Structure* structure = nullptr);
+
+/// A network's input for a depth map (EncodedChannels): C planes of H rows of W values one after
+/// the other. Depth is in metres, 0 for none.
+std::vector<float> EncodeDepth(const DepthImage& depth, InputEncoding input);
 
 }  // namespace volalign

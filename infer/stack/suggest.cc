@@ -10,6 +10,7 @@
 #include <limits>
 #include <mutex>
 #include <optional>
+#include <sstream>
 #include <utility>
 
 #include "core/base/error.h"
@@ -17,7 +18,7 @@
 #include "core/base/parallel_for.h"
 #include "core/base/random.h"
 #include "core/base/text.h"
-#include "infer/stack/build_steps.h"
+#include "infer/stack/build_sheet.h"
 
 namespace volalign {
 
@@ -93,51 +94,26 @@ std::vector<Box> DrawTower(const std::vector<Eigen::Vector3d>& sizes, double mos
   return boxes;
 }
 
-constexpr char kBlanks[] = " \t\n\v\f\r", kDigits[] = "0123456789";
-
-std::string WithoutBlanks(const std::string& text) {
-  const std::size_t begin = text.find_first_not_of(kBlanks);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
-}
-
-/// Does the text have one to `most` digits and nothing else?
-bool IsWhole(const std::string& text, std::size_t most) {
-  return !text.empty() && text.size() <= most &&
-         text.find_first_not_of(kDigits) == std::string::npos;
-}
-
-/// Is it a number such as 300 or 300.5, without sign, below a million?
-bool IsEdge(const std::string& text) {
-  const std::size_t point = text.find('.');
-  return IsWhole(text.substr(0, point), 6) &&
-         (point == std::string::npos || IsWhole(text.substr(point + 1), std::string::npos));
-}
-
 struct Carton {
   int count = 1;
   Eigen::Vector3d edges_mm;
 };
 
-/// Reads "600x400x400" or "3x 600x400x400". Blanks may be anywhere; the one after a count is
-/// required. None for anything else.
+/// Reads "600x400x400" or "3x 600x400x400", with blanks about the numbers. None for anything else.
 std::optional<Carton> ReadCarton(const std::string& text) {
-  std::vector<std::string> parts = Split(text, 'x');
-  Carton carton;
-  if (parts.size() == 4) {
-    const std::string count = WithoutBlanks(parts[0]);
-    if (!IsWhole(count, 4) || parts[1].find_first_of(kBlanks) != 0) return std::nullopt;
-    carton.count = std::stoi(count);
-    parts.erase(parts.begin());
+  constexpr double kMost = 1e6;  // mm, and boxes
+  std::vector<double> numbers;
+  for (const std::string& part : Split(text, 'x')) {
+    std::istringstream stream(part);
+    std::string word, more;
+    if (!(stream >> word) || stream >> more) return std::nullopt;
+    const std::optional<double> number = NumberOf(word);
+    if (!number || !(*number > 0 && *number < kMost)) return std::nullopt;
+    numbers.push_back(*number);
   }
-  if (parts.size() != 3) return std::nullopt;
-  for (int axis = 0; axis < 3; ++axis) {
-    const std::string edge = WithoutBlanks(parts[static_cast<std::size_t>(axis)]);
-    const std::optional<double> length = NumberOf(edge);
-    if (!IsEdge(edge) || !length) return std::nullopt;
-    carton.edges_mm[axis] = *length;
-  }
-  return carton;
+  if (numbers.size() == 3) numbers.insert(numbers.begin(), 1);
+  if (numbers.size() != 4 || numbers[0] != std::floor(numbers[0])) return std::nullopt;
+  return Carton{static_cast<int>(numbers[0]), {numbers[1], numbers[2], numbers[3]}};
 }
 
 }  // namespace

@@ -1,15 +1,39 @@
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
+#include "core/base/image.h"
 #include "core/geometry/structure.h"
+#include "infer/calib/result.h"
+#include "infer/report/clouds.h"
 #include "infer/report/extrinsics.h"
 #include "infer/report/panels.h"
-#include "infer/report/ply.h"
 
 namespace volalign {
+
+/// "data:image/png;base64,...", with a palette where 256 colours suffice.
+std::string PngDataUri(const RgbImage& picture);
+
+/// "#rrggbb"
+std::string HexColour(Rgb colour);
+
+/// A cloud in the page: little-endian bytes, in base64.
+inline constexpr double kPointStep = 0.0005;      ///< m, of a coordinate, in 16 bits
+inline constexpr double kResidualStep = 0.00025;  ///< m, of a residual, in 8 bits
+inline constexpr int kNoResidual = -128;
+struct EncodedCloud {
+  std::size_t count = 0;
+  std::string positions;  ///< x y z, int16 each, in steps of kPointStep
+  std::string labels;     ///< uint8
+  std::string residuals;  ///< int8, in steps of kResidualStep; kNoResidual for background
+};
+EncodedCloud EncodeCloud(const std::vector<AlignedPoint>& points);
+
+/// Takes at most `most` of the points, evenly. Points with a label come first, up to six tenths.
+std::vector<AlignedPoint> ThinCloud(const std::vector<AlignedPoint>& points, std::size_t most);
 
 /// A frame's pictures and its cloud for the report.
 struct ReportFrame {
@@ -52,5 +76,25 @@ struct ReportRig {
 nlohmann::ordered_json ReportPayload(const Extrinsics& extrinsics,
                                      const std::vector<ReportCapture>& captures,
                                      const ReportRig& rig, const ReportRun& run);
+
+/// The placed sensors from above as SVG (RigFromAbove). Each name has its horizontal distance from
+/// the structure's origin and its height above the floor. With `alternative`, the sensors are as in
+/// that set, without ellipses; other poses have another colour.
+std::string PlacedFromAbove(const std::vector<FrameResult>& sensors, const Structure& built,
+                            const RigAlternative* alternative = nullptr);
+
+/// The page's content on another set of the rig's poses: the rig from above and each sensor with
+/// another pose. A sensor has its picture with the edges at that pose, and the difference of the
+/// structure's outlines at both poses. The difference is 1 - intersection over union of the pixels
+/// that show it. `of_capture`: the sensors with their images, of the capture with this choice.
+/// Their poses and `built` are in the structure as it stood then. `sensors`: of all captures.
+nlohmann::ordered_json AlternativeJson(const RigAlternative& alternative,
+                                       const std::vector<FrameResult>& sensors,
+                                       const std::vector<FrameResult>& of_capture,
+                                       const Structure& built, const Pose& first_from_placement);
+
+/// The report as one HTML file that needs no other. It has the page's files beside this header and
+/// three.js, embedded when the program was built, around the payload (ReportPayload).
+std::string ReportPage(const nlohmann::ordered_json& payload);
 
 }  // namespace volalign

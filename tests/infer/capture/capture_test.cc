@@ -15,7 +15,6 @@
 #include "core/formats/image_io.h"
 #include "core/geometry/camera.h"
 #include "infer/capture/capture_draft.h"
-#include "infer/capture/capture_folder.h"
 #include "infer/capture/mean_depth.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"

@@ -7,9 +7,7 @@
 #include <string>
 
 #include "core/config/config.h"
-#include "infer/plan/plan_picture.h"
 #include "infer/plan/plan_report.h"
-#include "infer/plan/planned_frame.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"

@@ -1,4 +1,3 @@
-#include "infer/report/pictures.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -13,9 +12,9 @@
 
 #include "core/base/file_util.h"
 #include "core/plot/picture.h"
-#include "infer/report/advice.h"
+#include "infer/report/clouds.h"
 #include "infer/report/panels.h"
-#include "infer/report/rig_gltf.h"
+#include "infer/report/report.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/temp_folder.h"

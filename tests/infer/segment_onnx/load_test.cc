@@ -14,7 +14,6 @@
 #include "core/nn/export_onnx.h"
 #include "core/nn/network.h"
 #include "infer/segment/load.h"
-#include "infer/segment_onnx/encode_depth.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"

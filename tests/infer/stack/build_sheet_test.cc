@@ -12,7 +12,6 @@
 
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
-#include "infer/stack/build_steps.h"
 #include "infer/stack/suggest.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
@@ -155,9 +154,8 @@ TEST(ParseBoxes, ReadsNumbersAndEdges) {
   EXPECT_EQ(ParseBoxes(" 3 x\t600x 400 x300 ").size(), 3u);
   for (const char* text :
        {"", "600x400", "two 600x400x300", "600x400x300;400x300x250", "0x", "3x 600x400x-300",
-        "52x 100x100x100", "0x 100x100x100", "3x600x400x300", "600x400x", "600x400x300.",
-        "600x400x.5", "600 0x400x300", "1234567x400x300", "12345x 600x400x300", "600x400x3e2",
-        "1x 1x 1x 1x 1"}) {
+        "52x 100x100x100", "0x 100x100x100", "600x400x", "600 0x400x300", "1234567x400x300",
+        "12345x 600x400x300", "1.5x 600x400x300", "1x 1x 1x 1x 1"}) {
     EXPECT_THROW(ParseBoxes(text), DataError) << text;
   }
 }

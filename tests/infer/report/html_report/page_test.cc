@@ -1,4 +1,3 @@
-#include "infer/report/html_report/page.h"
 
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -6,9 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "infer/report/html_report/encode.h"
 #include "infer/report/html_report/payload.h"
-#include "infer/report/html_report/rig_views.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/geometry/mesh_shapes.h"
 #include "tests/infer/view/synthetic.h"
