@@ -22,10 +22,10 @@
 #include "core/base/input_file.h"
 #include "core/base/progress_line.h"
 #include "core/nn/cpu/torch_threads.h"
-#include "infer/evaluate/suite/method_set.h"
+#include "infer/evaluate/statistics.h"
+#include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
-#include "infer/evaluate/tables.h"
 #include "render/egl/renderers.h"
 
 namespace volalign {
@@ -110,8 +110,8 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   // A suite writes all of its tables into suite.json.
   for (const char* format : {"--json", "--csv"}) app->get_option(format)->excludes("--suite");
   app->add_option("-o,--output", options->output,
-                  "folder for evaluation.json, or for the suite's tables; what a killed run left "
-                  "there is not done again")
+                  "folder for evaluation.json, of which what a killed run left is not done again, "
+                  "or for the suite's tables")
       ->required();
 }
 
@@ -160,9 +160,6 @@ int RunPaperSuite(const EvaluateOptions& options) {
   const ResultFolder folder(options.output);
   SuiteRun run;
   run.output = options.output;
-  for (const SuiteDataset& dataset : suite.datasets)
-    RemoveTemporaries(run.output / "captures" / dataset.name);
-  run.program = Sha256(ReadFile("/proc/self/exe", kMaxModelBytes));
   run.workers = options.workers;
   run.make_renderer = [&options] {
     return ChooseRenderers(options.renderer, {options.egl_device}).make();
@@ -177,7 +174,8 @@ int RunPaperSuite(const EvaluateOptions& options) {
   folder.Publish("suite.json");
   line.Stop();
   fmt::print("{}", tables);
-  fmt::print(stderr, "written: {}/suite.md, suite.json, and each table's files\n", options.output);
+  fmt::print(stderr, "written: {}/suite.md, suite.json, and a JSON of each table\n",
+             options.output);
   return complete ? 0 : 2;
 }
 

@@ -9,11 +9,24 @@
 #include "core/geometry/structure.h"
 #include "infer/evaluate/items.h"
 #include "infer/evaluate/measure.h"
-#include "infer/evaluate/storage.h"
-#include "infer/evaluate/variants.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign {
+
+inline constexpr char kEvaluationFormat[] = "volalign.evaluation/1";
+
+struct CheckpointFile {
+  std::string file, sha256;
+};
+
+/// Writes evaluation.json: the cases and, for people and other programs, their summary and the
+/// models. Throws IoError.
+void WriteEvaluation(const std::filesystem::path& path, const std::vector<EvaluatedCase>& cases,
+                     const std::vector<CheckpointFile>& models);
+
+/// Reads the cases of an evaluation.json strictly. Throws IoError, or DataError, also for a file
+/// that is no evaluation.
+std::vector<EvaluatedCase> ReadEvaluation(const std::filesystem::path& path);
 
 /// A network whose calibrations are measured.
 struct EvaluationModel {

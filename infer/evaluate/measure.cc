@@ -4,64 +4,17 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <set>
 #include <utility>
 
-#include "infer/calib/calibrate.h"
+#include "core/base/error.h"
+#include "core/base/text.h"
 #include "infer/initial/initial_pose.h"
 #include "infer/initial/sides_fix_pose.h"
 
 namespace volalign {
 
 namespace {
-
-/// Remembers the network's labels of the frames of one capture.
-class SharedSegmenter : public Segmenter {
- public:
-  explicit SharedSegmenter(Segmenter* inner) : inner_(inner) {}
-
-  std::vector<SegmentationResult> Segment(
-      const std::vector<SegmentationRequest>& requests) override {
-    std::vector<std::size_t> answer(requests.size());
-    std::vector<SegmentationRequest> unknown;
-    for (std::size_t i = 0; i < requests.size(); ++i) {
-      answer[i] = Find(requests[i]);
-      if (answer[i] < known_.size()) continue;
-      answer[i] = known_.size();
-      known_.push_back(
-          {*requests[i].depth, *requests[i].intrinsics, requests[i].quarter_turns, {}});
-      unknown.push_back(requests[i]);
-    }
-    if (!unknown.empty()) {
-      std::vector<SegmentationResult> seen = inner_->Segment(unknown);
-      for (std::size_t j = 0; j < seen.size(); ++j) {
-        known_[known_.size() - seen.size() + j].result = std::move(seen[j]);
-      }
-    }
-    std::vector<SegmentationResult> results;
-    results.reserve(answer.size());
-    for (const std::size_t i : answer) results.push_back(known_[i].result);
-    return results;
-  }
-
- private:
-  struct Known {
-    DepthImage depth;
-    Intrinsics intrinsics;
-    int turns;
-    SegmentationResult result;
-  };
-
-  std::size_t Find(const SegmentationRequest& request) const {
-    const auto found = std::find_if(known_.begin(), known_.end(), [&](const Known& known) {
-      return known.turns == request.quarter_turns && known.intrinsics == *request.intrinsics &&
-             known.depth == *request.depth;
-    });
-    return static_cast<std::size_t>(found - known_.begin());
-  }
-
-  Segmenter* inner_;
-  std::vector<Known> known_;
-};
 
 bool SeesAPose(const Structure& structure, const LabelImage& labels) {
   std::map<int, int> pixels;
@@ -129,11 +82,10 @@ EvaluatedSensor Measure(const FrameResult& result, std::size_t i,
 std::vector<EvaluatedCase> EvaluateCapture(const EvaluationCapture& capture,
                                            const std::vector<EvaluationVariant>& variants,
                                            Segmenter& segmenter) {
-  SharedSegmenter shared(&segmenter);
   std::vector<EvaluatedCase> cases;
   for (const EvaluationVariant& variant : variants) {
     const CalibrationResult calibration =
-        Calibrate(NameCaptures(capture), capture.structure, shared, variant.options);
+        Calibrate(NameCaptures(capture), capture.structure, segmenter, variant.options);
     EvaluatedCase one;
     one.variant = variant.name;
     one.timings_s = {calibration.timings_s.begin(), calibration.timings_s.end()};
@@ -143,6 +95,27 @@ std::vector<EvaluatedCase> EvaluateCapture(const EvaluationCapture& capture,
     cases.push_back(std::move(one));
   }
   return cases;
+}
+
+std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source,
+                                            const std::string& compare) {
+  if (compare.empty()) return {{"volalign", ReadConfig<CalibrateOptions>(source)}};
+  const std::size_t equals = compare.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == compare.size()) {
+    throw ConfigError(fmt::format(
+        "--compare {}: KEY=VALUE,VALUE is expected, as in refine.box_sigma_m=0.004,0.01", compare));
+  }
+  std::vector<EvaluationVariant> variants;
+  std::set<std::string> names;
+  for (const std::string& value : Split(compare.substr(equals + 1), ',')) {
+    if (!names.insert(value).second) {
+      throw ConfigError(fmt::format("--compare {}: {} stands twice", compare, value));
+    }
+    ConfigSource own = source;
+    own.Set(compare.substr(0, equals + 1) + value);
+    variants.push_back({value, ReadConfig<CalibrateOptions>(own)});
+  }
+  return variants;
 }
 
 }  // namespace volalign

@@ -5,13 +5,20 @@
 #include <string>
 #include <vector>
 
+#include "core/config/config.h"
 #include "core/geometry/pose.h"
+#include "infer/calib/calibrate.h"
 #include "infer/checks/outcome.h"
 #include "infer/evaluate/items.h"
-#include "infer/evaluate/variants.h"
 #include "infer/view/segmenter.h"
 
 namespace volalign {
+
+/// Calibration options to compare, e.g. {"paper", ...} and {"network", ...}.
+struct EvaluationVariant {
+  std::string name;
+  CalibrateOptions options;
+};
 
 /// Errors of the estimated poses.
 struct EvaluatedErrors {
@@ -51,8 +58,13 @@ struct EvaluatedCase {
   int placements = 1;
 };
 
-/// Calibrates a capture, or all placements together, under each variant. The network sees each
-/// frame once. Poses are compared in the frame of the first capture.
+/// The options that `compare` ("initial.method=paper,network") sets over `source`, each named after
+/// its value, in order. Without it one variant, "volalign", with `source` alone. Throws
+/// ConfigError.
+std::vector<EvaluationVariant> ReadVariants(const ConfigSource& source, const std::string& compare);
+
+/// Calibrates a capture, or all placements together, under each variant. Poses are compared in the
+/// frame of the first capture.
 std::vector<EvaluatedCase> EvaluateCapture(const EvaluationCapture& capture,
                                            const std::vector<EvaluationVariant>& variants,
                                            Segmenter& segmenter);

@@ -1,5 +1,7 @@
 #include "infer/evaluate/statistics.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,6 +15,8 @@ namespace volalign {
 namespace {
 
 constexpr char kAllRigs[] = "all rigs", kAllSensors[] = "all";
+/// Columns of EvaluationTable: the last that every row has, and the first of each part.
+constexpr std::size_t kVariant = 3, kErrors = 4, kCounts = 22, kOfCapture = 33;
 constexpr double kWrongM = 0.1, kWrongDeg = 5;
 // Half widths, in standard deviations, of a normal distribution's central intervals.
 constexpr double kSigma68 = 0.994457883, kSigma95 = 1.959963985;
@@ -49,19 +53,8 @@ class Tally {
 
   EvaluationSummary Result() const {
     EvaluationSummary out = summary_;
-    out.initial_mm = StatisticsOf(nominal_.initial_mm);
-    out.initial_deg = StatisticsOf(nominal_.initial_deg);
-    out.refined_mm = StatisticsOf(nominal_.refined_mm);
-    out.refined_deg = StatisticsOf(nominal_.refined_deg);
-    out.built_initial_mm = StatisticsOf(built_.initial_mm);
-    out.built_initial_deg = StatisticsOf(built_.initial_deg);
-    out.built_refined_mm = StatisticsOf(built_.refined_mm);
-    out.built_refined_deg = StatisticsOf(built_.refined_deg);
-    const double components = std::max(1, 6 * summary_.measured);
-    out.cover68 = nominal_.in68 / components;
-    out.cover95 = nominal_.in95 / components;
-    out.built_cover68 = built_.in68 / components;
-    out.built_cover95 = built_.in95 / components;
+    out.nominal = nominal_.Result();
+    out.built = built_.Result();
     return out;
   }
 
@@ -80,6 +73,11 @@ class Tally {
         in68 += off <= kSigma68 * sigma[i];
         in95 += off <= kSigma95 * sigma[i];
       }
+    }
+    PoseStatistics Result() const {
+      const double components = std::max<double>(1, 6.0 * static_cast<double>(initial_mm.size()));
+      return {StatisticsOf(initial_mm),  StatisticsOf(initial_deg), StatisticsOf(refined_mm),
+              StatisticsOf(refined_deg), in68 / components,         in95 / components};
     }
   };
 
@@ -162,6 +160,134 @@ std::vector<EvaluationSummary> SummariseCases(const std::vector<EvaluatedCase>& 
     if (summary.count > 0) summaries.push_back(summary);
   }
   return summaries;
+}
+
+Table EvaluationTable(const std::vector<EvaluatedCase>& cases) {
+  Table table;
+  table.columns = {"rig", "sensors", "placements", "variant"};
+  const auto add_errors = [&](const std::string& key, const std::string& title, int digits) {
+    table.columns.emplace_back(key + "_median", title, 1, digits);
+    table.columns.emplace_back(key + "_p95", "95 %", 1, digits);
+    table.columns.emplace_back(key + "_max", "max", 1, digits);
+  };
+  add_errors("initial_mm", "initial mm", 1);
+  add_errors("initial_deg", "deg", 2);
+  add_errors("refined_mm", "refined mm", 1);
+  add_errors("refined_deg", "deg", 2);
+  add_errors("built_refined_mm", "as built mm", 1);
+  add_errors("built_refined_deg", "deg", 2);
+  const std::vector<Table::Column> others = {"count",
+                                             "placed",
+                                             "weak",
+                                             "fixable",
+                                             "lost",
+                                             "wrong",
+                                             "measured",
+                                             {"within_68", "68 %", 100, 0},
+                                             {"within_95", "95 %", 100, 0},
+                                             {"built_within_68", "68 % as built", 100, 0},
+                                             {"built_within_95", "95 % as built", 100, 0},
+                                             "capture",
+                                             "sensor",
+                                             "status",
+                                             "code",
+                                             "sides",
+                                             {"initial_rms_mm", "initial RMS mm", 1, 1},
+                                             {"rms_mm", "RMS mm", 1, 1},
+                                             {"inliers", "inliers %", 100, 0}};
+  table.columns.insert(table.columns.end(), others.begin(), others.end());
+  for (const EvaluationSummary& s : SummariseCases(cases)) {
+    std::vector<Table::Cell> row = {s.rig, s.sensors, CellOf(s.placements), s.variant};
+    const auto measured = [&](double value) {
+      return s.measured > 0 ? Table::Cell(value) : Table::Cell();
+    };
+    for (const ErrorStatistics* error :
+         {&s.nominal.initial_mm, &s.nominal.initial_deg, &s.nominal.refined_mm,
+          &s.nominal.refined_deg, &s.built.refined_mm, &s.built.refined_deg}) {
+      for (const double value : {error->median, error->p95, error->max})
+        row.push_back(measured(value));
+    }
+    for (const int count : {s.count, s.placed, s.weak, s.fixable, s.lost, s.wrong, s.measured})
+      row.push_back(CellOf(count));
+    for (const PoseStatistics* poses : {&s.nominal, &s.built}) {
+      row.push_back(measured(poses->cover68));
+      row.push_back(measured(poses->cover95));
+    }
+    row.resize(table.columns.size());
+    table.rows.push_back(std::move(row));
+  }
+  for (const EvaluatedCase& one : cases) {
+    if (!one.sensors.empty()) continue;
+    for (const EvaluatedSensor& sensor : one.results) {
+      std::vector<Table::Cell> row(kOfCapture);
+      row[kVariant] = one.variant;
+      row.insert(row.end(), {one.rig, sensor.name, ToString(sensor.status), ToString(sensor.code)});
+      if (sensor.placed()) {
+        row.insert(row.end(), {CellOf(sensor.sides), 1000 * sensor.initial_rms_to_structure_m,
+                               1000 * sensor.rms_to_structure_m, sensor.inlier_share});
+      }
+      row.resize(table.columns.size());
+      table.rows.push_back(std::move(row));
+    }
+  }
+  return table;
+}
+
+namespace {
+
+/// The rows that have a value in column `first`, with that column and the others before `end`; ""
+/// without such rows.
+std::string Part(Table table, std::size_t first, std::size_t end) {
+  table.rows.erase(std::remove_if(table.rows.begin(), table.rows.end(),
+                                  [&](const std::vector<Table::Cell>& row) {
+                                    return std::holds_alternative<std::monostate>(row[first]);
+                                  }),
+                   table.rows.end());
+  for (std::size_t i = kVariant + 1; i < table.columns.size(); ++i) {
+    if (i < first || i >= end) table.columns[i].title.clear();
+  }
+  return table.rows.empty() ? "" : "\n" + FormatTable(table, TableFormat::kText);
+}
+
+/// Sensors that were lost or placed wrong.
+std::string Culprits(const std::vector<EvaluatedCase>& cases) {
+  std::string text;
+  for (const EvaluatedCase& one : cases) {
+    for (const EvaluatedSensor& sensor : one.results) {
+      const bool lost = IsLost(sensor), wrong = IsWrong(sensor);
+      if (!lost && !wrong) continue;
+      text += fmt::format("- {} {}{}{}, {}, sensor {}: ", one.rig, one.sensors,
+                          one.seed ? fmt::format(" seed {}", *one.seed) : "",
+                          one.placements > 1 ? fmt::format(", {} placements", one.placements) : "",
+                          one.variant, sensor.name);
+      text += lost ? fmt::format("lost ({})\n", ToString(sensor.code))
+                   : fmt::format("{}, but {:.0f} mm and {:.1f} deg off\n", ToString(sensor.status),
+                                 1000 * sensor.nominal->refined.translation_m,
+                                 sensor.nominal->refined.rotation_deg);
+    }
+  }
+  return text.empty() ? text : "\nLost or wrong:\n\n" + text;
+}
+
+}  // namespace
+
+std::string FormatEvaluation(const std::vector<EvaluatedCase>& cases) {
+  const Table table = EvaluationTable(cases);
+  std::string text;
+  if (const std::string errors = Part(table, kErrors, kCounts); !errors.empty()) {
+    text =
+        "Errors of placed sensors: median, 95 %, largest. As built: in the frame in which the "
+        "boxes' own displacements average out.\n" +
+        errors;
+  }
+  if (const std::string counts = Part(table, kCounts, kOfCapture); !counts.empty()) {
+    text +=
+        "\nFixable: the sides in view fix a pose. Lost: failed although fixable. Wrong: placed "
+        "more than 10 cm or 5 deg off. 68 %, 95 %: share of the pose components within these "
+        "intervals of the covariance.\n" +
+        counts;
+  }
+  return text + Culprits(cases) + Part(table, kOfCapture, table.columns.size());
 }
 
 }  // namespace volalign

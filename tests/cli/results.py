@@ -152,7 +152,7 @@ class Results(WithACapture):
         self.capture()
         command = (f"evaluate {MODEL} --rigs rig.yaml --sensors azure_kinect_nfov_binned realsense_d415 --seeds 5:7 --captures capture/capture.json"
                    " --compare refine.box_sigma_deg=0.5,0.6 -o eval")
-        self.expect(command, 0, "| rig | azure_kinect_nfov_binned | 0.5 |", "| capture/capture.json | A | 0.6 | ok |")
+        self.expect(command, 0, "azure_kinect_nfov_binned", "initial mm", "capture/capture.json  A       ok")
         evaluation = self.json("eval/evaluation.json")
         # Two seeds of two sensor models, and the capture, under two variants each.
         self.assertEqual([len(case["sensors"]) for case in evaluation["cases"]], [2] * 10)

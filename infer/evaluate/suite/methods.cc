@@ -2,10 +2,12 @@
 
 #include <cmath>
 #include <cstddef>
+#include <filesystem>
 #include <memory>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/input_file.h"
 #include "core/geometry/visibility.h"
 #include "infer/calib/calibrate.h"
 #include "infer/evaluate/suite/graph_icp.h"
@@ -131,6 +133,11 @@ MethodResult RunVolalign(const SuiteCapture& capture, Segmenter& segmenter, int 
 }
 
 }  // namespace
+
+bool HasModel(const SuiteMethod& method) {
+  return method.kind == MethodKind::kMarkers ||
+         std::filesystem::exists(FindInputFile(method.model));
+}
 
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
                                 const MethodResult& result) {

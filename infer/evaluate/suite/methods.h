@@ -39,6 +39,9 @@ struct MethodResult {
   std::vector<DepthCorrection> corrections;  ///< of the corrected stage
 };
 
+/// Can the method run? It needs no model, or the file is there.
+bool HasModel(const SuiteMethod& method);
+
 /// The views for a stage's poses: with corrected depths, or as they are.
 std::vector<SensorView> ViewsAt(PoseStage stage, const SuiteCapture& capture,
                                 const MethodResult& result);

@@ -1,16 +1,60 @@
 #include "infer/evaluate/suite/scores.h"
 
+#include <cmath>
 #include <cstddef>
+#include <map>
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/geometry/visibility.h"
 #include "core/json/json_archive.h"
 #include "infer/checks/pose_quality.h"
 
 namespace volalign {
+
+PoseScore ScorePose(const SensorView& view, const LabelImage& labels, const Structure& structure,
+                    const Pose& structure_from_sensor, int min_pixels) {
+  const ExpectedView model = CastView(structure, view.rays, structure_from_sensor);
+  PoseScore score;
+  score.miou_authors = MeanIou(labels, model.labels, view.depth, {structure.num_classes(), true});
+  const auto classes = static_cast<std::size_t>(structure.num_classes());
+  std::vector<Eigen::Vector3d> sums(classes, Eigen::Vector3d::Zero());  // sensor frame
+  std::vector<int> pixels(classes, 0);
+  for (int v = 0; v < labels.height(); ++v) {
+    for (int u = 0; u < labels.width(); ++u) {
+      if (!(view.depth(u, v) > 0)) continue;
+      sums[labels(u, v)] += view.Point(u, v);
+      ++pixels[labels(u, v)];
+    }
+  }
+  double squares = 0;
+  for (std::size_t k = 1; k < classes; ++k) {
+    if (pixels[k] < min_pixels) continue;
+    const Eigen::Vector3d mean = structure_from_sensor * (sums[k] / pixels[k]);
+    squares += (mean - structure.SideOfLabel(static_cast<int>(k)).centre).squaredNorm();
+    ++score.sides;
+  }
+  if (score.sides > 0) score.rmse_m = std::sqrt(squares / score.sides);
+  return score;
+}
+
+ColumnStatistics Column(const std::vector<double>& values, const std::vector<int>& groups) {
+  const Summary all = Summarise(values);
+  ColumnStatistics column;
+  column.count = static_cast<int>(values.size());
+  column.mean = all.mean;
+  column.std = all.std;
+  column.rsd = all.rsd;
+  std::map<int, std::vector<double>> by_group;
+  for (std::size_t i = 0; i < values.size(); ++i) by_group[groups.at(i)].push_back(values[i]);
+  std::vector<double> within;
+  for (const auto& [group, members] : by_group) {
+    if (members.size() > 1) within.push_back(Summarise(members).rsd);
+  }
+  if (!within.empty()) column.rsd_within = Summarise(within).mean;
+  return column;
+}
 
 namespace {
 
@@ -113,11 +157,8 @@ CaptureScores ScoreCapture(const SuiteCapture& capture, const MethodResult& resu
 template <class Archive>
 void Describe(Archive& ar, PoseScore& score) {
   ar("miou_authors", score.miou_authors);
-  ar("miou", score.miou);
-  ar("miou_authors_all", score.miou_authors_all);
   ar("sides", score.sides);
   ar.Optional("rmse_m", score.rmse_m);
-  ar.Optional("rmse_visible_m", score.rmse_visible_m);
 }
 
 template <class Archive>
@@ -145,7 +186,6 @@ void Describe(Archive& ar, StageScores& scores) {
 template <class Archive>
 void Describe(Archive& ar, CaptureScores& scores) {
   ar.Constant("format", kScoresFormat);
-  ar("fingerprint", scores.fingerprint);
   ar("dataset", scores.dataset);
   ar("set_up", scores.set_up);
   ar("capture", scores.capture);
@@ -172,10 +212,6 @@ void Describe(Archive& ar, AllScores& all) {
 
 void WriteScores(const std::filesystem::path& path, const CaptureScores& scores) {
   WriteFileAtomically(path, WriteDescribed(scores, path.string(), 1));
-}
-
-CaptureScores ReadScores(const std::filesystem::path& path) {
-  return ReadDescribed<CaptureScores>(ReadFile(path, kMaxResultBytes), path.string());
 }
 
 std::string FormatScores(const std::vector<CaptureScores>& scores) {

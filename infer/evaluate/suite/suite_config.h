@@ -28,14 +28,11 @@ constexpr Words<PoseStage, 4> WordsOf(PoseStage) {
            {"corrected", PoseStage::kCorrected}}};
 }
 
-/// All but the last two are of a view, these of a capture (suite/metrics.h).
-enum class SuiteMetric { kMiouAuthors, kMiou, kMiouAuthorsAll, kRmse, kRmseVisible, kD1, kD2 };
-constexpr Words<SuiteMetric, 7> WordsOf(SuiteMetric) {
+/// The first two are of a view, the others of a capture (suite/scores.h).
+enum class SuiteMetric { kMiouAuthors, kRmse, kD1, kD2 };
+constexpr Words<SuiteMetric, 4> WordsOf(SuiteMetric) {
   return {{{"miou_authors", SuiteMetric::kMiouAuthors},
-           {"miou", SuiteMetric::kMiou},
-           {"miou_authors_all", SuiteMetric::kMiouAuthorsAll},
            {"rmse", SuiteMetric::kRmse},
-           {"rmse_visible", SuiteMetric::kRmseVisible},
            {"d1", SuiteMetric::kD1},
            {"d2", SuiteMetric::kD2}}};
 }
@@ -89,9 +86,7 @@ struct SuiteBlock {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("title", title, "heading");
-    ar("metric", metric,
-       "metric of a view (miou_authors, miou, miou_authors_all, rmse, rmse_visible) or of a "
-       "capture (d1, d2)");
+    ar("metric", metric, "metric of a view (miou_authors, rmse) or of a capture (d1, d2)");
     ar("datasets", datasets, "names of data sets; their views or captures are taken together");
   }
 };

@@ -4,16 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "infer/evaluate/suite/metrics.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/evaluate/suite/suite_config.h"
 
 namespace volalign {
-
-/// Is a larger value of the metric better?
-bool MoreIsBetter(SuiteMetric metric);
-/// Does the paper print it in percent?
-bool InPercent(SuiteMetric metric);
 
 /// One metric of one row over a block's captures.
 struct TableCell {
@@ -51,8 +45,6 @@ TableData MakeTable(const SuiteConfig& suite, const SuiteTable& table,
 /// A table for people: our figure of each cell with the paper's in brackets, and floors. Then come
 /// pose errors, failures and each set-up's own spread.
 std::string FormatMarkdown(const TableData& table);
-/// A line for each row and block.
-std::string FormatCsv(const TableData& table);
 /// All numbers, with the single values behind them.
 std::string FormatTableJson(const TableData& table);
 

@@ -9,9 +9,8 @@
 
 #include "core/base/input_file.h"
 #include "core/geometry/pose.h"
-#include "infer/evaluate/suite/method_set.h"
 #include "infer/evaluate/suite/methods.h"
-#include "infer/evaluate/suite/suite_items.h"
+#include "infer/evaluate/suite/run_suite.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/infer/view/synthetic.h"
@@ -109,7 +108,7 @@ class SuiteItemsTest : public testing::Test {
   }
   std::string CapturesOf(int most) const {
     std::string names;
-    for (const SuiteItem& item : SuiteItems(dataset_, structure_, false, most))
+    for (const SuiteItem& item : SuiteItems(dataset_, structure_, most))
       names += item.capture + " ";
     return names;
   }
@@ -123,104 +122,44 @@ TEST_F(SuiteItemsTest, AreTheTurnsOfARigOrSomeOfThemEvenlyTaken) {
   EXPECT_EQ(CapturesOf(0), "ring_turn_1 ring_turn_2 ring_turn_3 ring_turn_4 ");
   EXPECT_EQ(CapturesOf(9), CapturesOf(0));
   EXPECT_EQ(CapturesOf(2), "ring_turn_1 ring_turn_3 ");
-  const std::vector<SuiteItem> items = SuiteItems(dataset_, structure_, true, 0);
-  std::set<std::string> identities;
-  for (const SuiteItem& item : items) {
+  for (const SuiteItem& item : SuiteItems(dataset_, structure_, 0)) {
     EXPECT_EQ(item.dataset, "toy");
     EXPECT_EQ(item.set_up, "ring");
     EXPECT_TRUE(item.rig);
-    EXPECT_TRUE(item.infrared);
-    identities.insert(item.identity);
   }
-  EXPECT_EQ(identities.size(), 4u);
-  // The same rig has the same identity, so that its results serve again.
-  EXPECT_EQ(SuiteItems(dataset_, structure_, true, 0)[2].identity, items[2].identity);
   dataset_.captures = {(folder_ / "none.json").string()};
-  EXPECT_THROW(SuiteItems(dataset_, structure_, false, 0), IoError);
+  EXPECT_THROW(SuiteItems(dataset_, structure_, 0), IoError);
 }
 
-/// A network's, of which the file alone counts, markers, and one whose model is missing.
-class Methods : public testing::Test {
- protected:
-  Methods() {
-    SuiteMethod net, markers, missing;
-    net.name = "net";
-    net.model = folder_.Write("net.pt", "weights").string();
-    net.datasets = {"arc"};
-    missing = net;
-    missing.name = "missing";
-    missing.model = (folder_ / "none.pt").string();
-    markers.name = "markers";
-    markers.kind = MethodKind::kMarkers;
-    suite_.methods = {missing, net, markers};
-    rendered_.dataset = recorded_.dataset = "arc";
-    rendered_.identity = "1";
-    recorded_.identity = "2";
-    rendered_.rig.emplace();
-  }
-  std::string Fingerprint(std::size_t i, const std::string& program = "program") const {
-    return MethodSet(suite_, program).Fingerprint(i, rendered_);
-  }
-
-  TempFolder folder_;
-  SuiteConfig suite_;
-  SuiteItem rendered_, recorded_;
-};
-
-TEST_F(Methods, AreThoseThatHaveTheirModel) {
-  const MethodSet set(suite_, "program");
-  ASSERT_EQ(set.size(), 2u);
-  EXPECT_EQ(set.at(0).name, "net");
-  EXPECT_EQ(set.at(1).name, "markers");
-  EXPECT_TRUE(set.HasMarkers());
-  EXPECT_FALSE(HasModel(suite_.methods[0]));
-  suite_.methods.pop_back();
-  EXPECT_FALSE(MethodSet(suite_, "program").HasMarkers());
-}
-
-TEST_F(Methods, HaveModelsInTheDataFolderToo) {
-  suite_.methods[0].model = "models/of_the_suite.pt";
-  EXPECT_FALSE(HasModel(suite_.methods[0]));
-  std::filesystem::create_directory(folder_ / "models");
-  folder_.Write("models/of_the_suite.pt", "weights");
+TEST(HasModel, AlsoInTheDataFolder) {
+  const TempFolder folder;
+  SuiteMethod method;
+  method.model = "models/of_the_suite.pt";
+  EXPECT_FALSE(HasModel(method));
+  std::filesystem::create_directory(folder / "models");
+  folder.Write("models/of_the_suite.pt", "weights");
   const std::string before = DataFolder();
-  SetDataFolder(folder_.path().string());
-  EXPECT_TRUE(HasModel(suite_.methods[0]));
-  EXPECT_EQ(MethodSet(suite_, "program").size(), 3u);
+  SetDataFolder(folder.path().string());
+  EXPECT_TRUE(HasModel(method));
   SetDataFolder(before);
+  method.kind = MethodKind::kMarkers;
+  EXPECT_TRUE(HasModel(method));
 }
 
-TEST_F(Methods, ApplyToTheirDatasetsAndMarkersToRenderedCaptures) {
-  const MethodSet set(suite_, "program");
-  EXPECT_TRUE(set.Applies(0, rendered_));
-  EXPECT_TRUE(set.Applies(0, recorded_));
-  EXPECT_TRUE(set.Applies(1, rendered_));
-  EXPECT_FALSE(set.Applies(1, recorded_));
-  rendered_.dataset = "ring";
-  EXPECT_FALSE(set.Applies(0, rendered_));
-  EXPECT_TRUE(set.Applies(1, rendered_));
-}
-
-TEST_F(Methods, AFingerprintChangesWithAllThatTheResultDependsOn) {
-  const std::string net = Fingerprint(0), markers = Fingerprint(1);
-  EXPECT_EQ(Fingerprint(0), net);
-  EXPECT_NE(net, markers);
-  EXPECT_NE(Fingerprint(0, "another"), net);
-  EXPECT_NE(MethodSet(suite_, "program").Fingerprint(0, recorded_), net);
-  const SuiteConfig before = suite_;
-  const auto expect = [&](bool of_net, bool of_markers) {
-    EXPECT_EQ(Fingerprint(0) != net, of_net);
-    EXPECT_EQ(Fingerprint(1) != markers, of_markers);
-    suite_ = before;
-  };
-  suite_.min_side_pixels += 1;
-  expect(true, true);
-  suite_.methods[1].statistical = true;
-  expect(true, false);
-  suite_.tables.emplace_back();  // results do not depend on what is made of them
-  expect(false, false);
-  folder_.Write("net.pt", "other weights");
-  expect(true, false);
+TEST(Applies, ToItsDatasetsAndMarkersToRenderedCaptures) {
+  SuiteMethod net, markers;
+  net.datasets = {"arc"};
+  markers.kind = MethodKind::kMarkers;
+  SuiteItem rendered, recorded;
+  rendered.dataset = recorded.dataset = "arc";
+  rendered.rig.emplace();
+  EXPECT_TRUE(Applies(net, rendered));
+  EXPECT_TRUE(Applies(net, recorded));
+  EXPECT_TRUE(Applies(markers, rendered));
+  EXPECT_FALSE(Applies(markers, recorded));
+  rendered.dataset = "ring";
+  EXPECT_FALSE(Applies(net, rendered));
+  EXPECT_TRUE(Applies(markers, rendered));
 }
 
 TEST(Stages, CorrectedViewsHaveTheDepthThatTheRefinementFound) {
