@@ -12,6 +12,7 @@
 #include <string>
 #include <type_traits>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
@@ -102,31 +103,44 @@ void AppendBytes(png_structp png, png_bytep data, png_size_t size) {
   static_cast<std::string*>(png_get_io_ptr(png))->append(reinterpret_cast<char*>(data), size);
 }
 
-bool EncodeRows(png_structp png, png_infop info, int width, int height, int bit_depth, int colour,
-                PngEffort effort, std::vector<png_bytep>* rows) {
+/// Pixels as libpng has them.
+struct Encoding {
+  const void* data;
+  int width, height, bit_depth, channels, colour_type;
+  PngEffort effort;
+  std::vector<Rgb> palette = {};
+};
+
+bool EncodeRows(png_structp png, png_infop info, const Encoding& of, std::vector<png_bytep>* rows) {
   if (setjmp(png_jmpbuf(png))) return false;
-  if (effort == PngEffort::kFast) {
+  if (of.effort == PngEffort::kFast) {
     constexpr int kRunLengths = 3;  // zlib's Z_RLE
     png_set_compression_level(png, 1);
     png_set_compression_strategy(png, kRunLengths);
     png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_UP);
+  } else if (of.effort == PngEffort::kFlat) {
+    png_set_compression_level(png, 3);
+    png_set_filter(png, PNG_FILTER_TYPE_BASE, PNG_FILTER_NONE);
   }
-  png_set_IHDR(png, info, static_cast<png_uint_32>(width), static_cast<png_uint_32>(height),
-               bit_depth, colour, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+  png_set_IHDR(png, info, static_cast<png_uint_32>(of.width), static_cast<png_uint_32>(of.height),
+               of.bit_depth, of.colour_type, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                PNG_FILTER_TYPE_DEFAULT);
+  static_assert(sizeof(Rgb) == sizeof(png_color), "palettes are handed to libpng as they are");
+  if (!of.palette.empty())
+    png_set_PLTE(png, info, reinterpret_cast<png_const_colorp>(of.palette.data()),
+                 static_cast<int>(of.palette.size()));
   png_write_info(png, info);
-  if (bit_depth == 16) png_set_swap(png);
+  if (of.bit_depth == 16) png_set_swap(png);
   png_write_image(png, rows->data());
   png_write_end(png, nullptr);
   return true;
 }
 
-std::string Encode(const void* data, int width, int height, int bit_depth, int channels,
-                   PngEffort effort) {
-  if (width <= 0 || height <= 0) throw Error("an empty image cannot be written as PNG");
-  const std::size_t row = static_cast<std::size_t>(width * channels * bit_depth / 8);
-  std::vector<png_bytep> rows(static_cast<std::size_t>(height));
-  auto* base = const_cast<png_bytep>(static_cast<const std::uint8_t*>(data));
+std::string Encode(const Encoding& of) {
+  if (of.width <= 0 || of.height <= 0) throw Error("an empty image cannot be written as PNG");
+  const std::size_t row = static_cast<std::size_t>(of.width * of.channels * of.bit_depth / 8);
+  std::vector<png_bytep> rows(static_cast<std::size_t>(of.height));
+  auto* base = const_cast<png_bytep>(static_cast<const std::uint8_t*>(of.data));
   for (std::size_t v = 0; v < rows.size(); ++v) rows[v] = base + v * row;
   ReadState state{nullptr, 0, ""};
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &state, OnReadError, OnWarning);
@@ -134,9 +148,7 @@ std::string Encode(const void* data, int width, int height, int bit_depth, int c
   if (!info) throw Error("libpng could not be initialised");
   std::string bytes;
   png_set_write_fn(png, &bytes, AppendBytes, nullptr);
-  const bool encoded =
-      EncodeRows(png, info, width, height, bit_depth,
-                 channels == 3 ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, effort, &rows);
+  const bool encoded = EncodeRows(png, info, of, &rows);
   png_destroy_write_struct(&png, &info);
   if (!encoded) throw Error(fmt::format("PNG encoding failed: {}", state.error));
   return bytes;
@@ -254,33 +266,6 @@ Image<Pixel> PixelsOf(const std::string& bytes, const std::string& name, const c
   return image;
 }
 
-constexpr std::size_t kMostColours = 256;
-
-struct Indexed {
-  std::vector<std::uint8_t> indices;
-  std::vector<Rgb> palette;
-};
-
-/// False if the picture has too many colours.
-bool ToIndices(const RgbImage& picture, Indexed* indexed) {
-  std::unordered_map<std::uint32_t, std::uint8_t> known;
-  indexed->indices.reserve(picture.size());
-  for (const Rgb& colour : picture) {
-    const std::uint32_t key = colour.r << 16 | colour.g << 8 | colour.b;
-    const auto found = known.find(key);
-    if (found != known.end()) {
-      indexed->indices.push_back(found->second);
-      continue;
-    }
-    if (known.size() == kMostColours) return false;
-    const auto index = static_cast<std::uint8_t>(known.size());
-    known.emplace(key, index);
-    indexed->palette.push_back(colour);
-    indexed->indices.push_back(index);
-  }
-  return true;
-}
-
 }  // namespace
 
 Image16 ReadDepthFile(const std::filesystem::path& path) {
@@ -305,9 +290,10 @@ LabelImage ReadPng8(const std::filesystem::path& path) {
 
 template <class Pixel>
 std::string EncodePng(const Image<Pixel>& image, PngEffort effort) {
-  constexpr int kChannels = std::is_same_v<Pixel, Rgb> ? 3 : 1;
-  return Encode(image.data(), image.width(), image.height(), 8 * sizeof(Pixel) / kChannels,
-                kChannels, effort);
+  constexpr bool kIsColour = std::is_same_v<Pixel, Rgb>;
+  constexpr int kChannels = kIsColour ? 3 : 1;
+  return Encode({image.data(), image.width(), image.height(), 8 * sizeof(Pixel) / kChannels,
+                 kChannels, kIsColour ? PNG_COLOR_TYPE_RGB : PNG_COLOR_TYPE_GRAY, effort});
 }
 
 template <class Pixel>
@@ -318,27 +304,22 @@ void WritePng(const std::filesystem::path& path, const Image<Pixel>& image) {
 }
 
 std::string EncodePalettePng(const RgbImage& picture) {
-  if (picture.empty()) throw Error("an empty image cannot be written as PNG");
-  static_assert(sizeof(Rgb) == 3, "pixels and palettes are handed to libpng as they are");
-  Indexed indexed;
-  const bool few = ToIndices(picture, &indexed);
-  png_image image;
-  std::memset(&image, 0, sizeof(image));
-  image.version = PNG_IMAGE_VERSION;
-  image.width = static_cast<png_uint_32>(picture.width());
-  image.height = static_cast<png_uint_32>(picture.height());
-  // Without filters: they do nothing for pictures of few colours and cost a third of the time.
-  image.flags = PNG_IMAGE_FLAG_FAST;
-  image.format = few ? PNG_FORMAT_RGB_COLORMAP : PNG_FORMAT_RGB;
-  image.colormap_entries = static_cast<png_uint_32>(indexed.palette.size());
-  const void* pixels = few ? static_cast<const void*>(indexed.indices.data()) : picture.data();
-  const void* palette = few ? indexed.palette.data() : nullptr;
-  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
-  std::string bytes(size, '\0');
-  if (!png_image_write_to_memory(&image, bytes.data(), &size, 0, pixels, 0, palette))
-    throw Error(fmt::format("PNG encoding failed: {}", image.message));
-  bytes.resize(size);
-  return bytes;
+  constexpr std::size_t kMostColours = 256;
+  const int width = picture.width(), height = picture.height();
+  std::unordered_map<std::uint32_t, std::uint8_t> known;
+  std::vector<Rgb> palette;
+  std::vector<std::uint8_t> indices;
+  indices.reserve(picture.size());
+  for (const Rgb& colour : picture) {
+    const auto [at, is_new] = known.try_emplace(colour.r << 16 | colour.g << 8 | colour.b,
+                                                static_cast<std::uint8_t>(palette.size()));
+    if (is_new && palette.size() == kMostColours)
+      return Encode({picture.data(), width, height, 8, 3, PNG_COLOR_TYPE_RGB, PngEffort::kFlat});
+    if (is_new) palette.push_back(colour);
+    indices.push_back(at->second);
+  }
+  return Encode({indices.data(), width, height, 8, 1, PNG_COLOR_TYPE_PALETTE, PngEffort::kFlat,
+                 std::move(palette)});
 }
 
 template std::string EncodePng(const Image16&, PngEffort);
