@@ -29,7 +29,7 @@ RgbImage SheetPicture(const std::string& name, const DepthImage& clean, const De
   const auto upright = [&](const RgbImage& picture, const char* what) {
     return Captioned(Turn(picture, turns), name + " " + what);
   };
-  return Montage(
+  return Shelves(
       {upright(ColourSheetDepth(clean), "exact"), upright(ColourSheetDepth(depth), "measured"),
        upright(ColourLabels(labels), "labels")},
       3);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/base/error.h"
 
@@ -55,24 +56,6 @@ Rgb FromHsv(double hue_deg, double saturation, double value) {
 }
 
 constexpr int kGap = 2;  // between pictures on a sheet
-
-struct Corner {
-  int left, top;
-};
-
-/// A sheet with pictures at these upper left corners.
-RgbImage Sheet(const std::vector<RgbImage>& pictures, const std::vector<Corner>& corners, int width,
-               int height) {
-  RgbImage sheet(width, std::max(1, height), Rgb{40, 40, 48});
-  for (std::size_t i = 0; i < pictures.size(); ++i) {
-    const RgbImage& picture = pictures[i];
-    for (int v = 0; v < picture.height(); ++v) {
-      for (int u = 0; u < picture.width(); ++u)
-        sheet(corners[i].left + u, corners[i].top + v) = picture(u, v);
-    }
-  }
-  return sheet;
-}
 
 }  // namespace
 
@@ -148,39 +131,30 @@ RgbImage OverlayLabels(const DepthImage& depth, const LabelImage& labels) {
   return picture;
 }
 
-RgbImage Montage(const std::vector<RgbImage>& pictures, int columns) {
-  int cell_width = 0, cell_height = 0;
-  for (const RgbImage& picture : pictures) {
-    cell_width = std::max(cell_width, picture.width());
-    cell_height = std::max(cell_height, picture.height());
-  }
-  const int count = static_cast<int>(pictures.size());
-  columns = std::clamp(columns, 1, std::max(1, count));
-  std::vector<Corner> corners;
-  for (int i = 0; i < count; ++i)
-    corners.push_back({i % columns * (cell_width + kGap), i / columns * (cell_height + kGap)});
-  const int rows = (count + columns - 1) / columns;
-  return Sheet(pictures, corners, columns * (cell_width + kGap) - kGap,
-               rows * (cell_height + kGap) - kGap);
-}
-
 RgbImage Shelves(const std::vector<RgbImage>& pictures, int widest) {
   int limit = 0;
   for (const RgbImage& picture : pictures)
     limit = std::max(limit, widest * (picture.width() + kGap) - kGap);
-  std::vector<Corner> corners;
+  std::vector<std::pair<int, int>> corners;  // upper left
   int left = 0, top = 0, width = 0, bottom = 0;
   for (const RgbImage& picture : pictures) {
     if (left > 0 && left + picture.width() > limit) {
       left = 0;
       top = bottom + kGap;
     }
-    corners.push_back({left, top});
+    corners.emplace_back(left, top);
     width = std::max(width, left + picture.width());
     bottom = std::max(bottom, top + picture.height());
     left += picture.width() + kGap;
   }
-  return Sheet(pictures, corners, width, bottom);
+  RgbImage sheet(width, std::max(1, bottom), Rgb{40, 40, 48});
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    const auto& [column, row] = corners[i];
+    for (int v = 0; v < pictures[i].height(); ++v) {
+      for (int u = 0; u < pictures[i].width(); ++u) sheet(column + u, row + v) = pictures[i](u, v);
+    }
+  }
+  return sheet;
 }
 
 }  // namespace volalign

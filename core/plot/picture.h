@@ -22,10 +22,7 @@ Image<float> ShadeDepth(const DepthImage& depth);
 Rgb SurroundingsColour(double z, double shade);
 /// Labels over shaded depth, for people. Throws Error on unequal sizes.
 RgbImage OverlayLabels(const DepthImage& depth, const LabelImage& labels);
-/// Grid of pictures with `columns` per row, separated by 2 px. Cells have the size of the largest
-/// picture.
-RgbImage Montage(const std::vector<RgbImage>& pictures, int columns);
-/// Pictures of different sizes side by side, in their order, separated by 2 px. Rows are at most as
+/// Pictures side by side, in their order, separated by 2 px. Rows are at most as
 /// wide as `widest` times the widest picture.
 RgbImage Shelves(const std::vector<RgbImage>& pictures, int widest);
 

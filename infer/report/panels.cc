@@ -180,7 +180,7 @@ constexpr int kMargin = 6;                     // pixels, between everything
 constexpr int kLine = kTextHeight + 3;         // from one line of text to the next
 constexpr int kSwatch = 10;                    // side of a legend's square
 constexpr int kScaleBlock = kScaleHeight + 6;  // a scale and the space below it
-constexpr int kGap = 2;                        // between panels, as Montage has it
+constexpr int kGap = 2;                        // between panels, as Shelves has it
 
 struct LegendEntry {
   Rgb colour;
@@ -252,7 +252,7 @@ RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
   for (const auto& [image, caption] : all) {
     if (!image->empty()) images.push_back(*image);
   }
-  const RgbImage row = Montage(images, static_cast<int>(images.size()));
+  const RgbImage row = Shelves(images, static_cast<int>(images.size()));
   const int width = panels.depth.width(), height = panels.depth.height();
   const int top = kMargin + 2 * kLine;
   RgbImage picture(row.width() + 2 * kMargin, top + height + 4 + kScaleBlock, kPaper);

@@ -142,7 +142,7 @@ RgbImage LabelPictures(const std::vector<LabelExample>& examples) {
     pictures.push_back(ColourLabels(example.labels));
     pictures.push_back(ColourLabels(example.predicted));
   }
-  return Montage(pictures, 3);
+  return Shelves(pictures, 3);
 }
 
 }  // namespace volalign
