@@ -52,27 +52,14 @@ DatasetHeader MakeHeader(const SampleContext& context, const DatasetOptions& opt
   header.count = options.count;
   header.batch_size = context.batch_size;
   header.samples_per_folder = options.samples_per_folder;
-  header.structure_name = context.structure.name();
-  header.structure_hash = context.structure.Hash();
-  header.num_classes = context.structure.num_classes();
+  header.structure = {context.structure.name(), context.structure.Hash(),
+                      context.structure.num_classes()};
   header.intrinsics_hash = PoolHash(context.pool);
   header.image_sizes = context.config.image_sizes;
   return header;
 }
 
 }  // namespace
-
-/// The part of the header that is about the structure.
-struct DatasetStructure {
-  DatasetHeader& header;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    ar("name", header.structure_name);
-    ar("sha256", header.structure_hash);
-    ar("num_classes", header.num_classes);
-  }
-};
 
 template <class Archive>
 void Describe(Archive& ar, DatasetHeader& h) {
@@ -90,8 +77,7 @@ void Describe(Archive& ar, DatasetHeader& h) {
   std::string convention =
       "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y up";
   ar.Derived("convention", convention);
-  DatasetStructure structure{h};
-  ar("structure", structure);
+  ar("structure", h.structure);
   ar("intrinsics_sha256", h.intrinsics_hash);
   ar("image_sizes", h.image_sizes);
   ar("data", h.data_yaml);
@@ -208,19 +194,13 @@ class DatasetWriter {
       const fs::path path = dir_ / FolderName(header_, next) / kRowsName;
       if (!fs::exists(path)) break;
       const std::uint64_t end = std::min(NextFolder(header_, next), End());
-      // Only the last folder may be incomplete.
-      const fs::path following = dir_ / FolderName(header_, NextFolder(header_, next)) / kRowsName;
-      if (end < End() && fs::exists(following)) {
-        next = end;
-        continue;
-      }
       const std::string text = ReadFile(path, kMaxLogBytes);
       const std::vector<std::string_view> lines = Lines(text);
       const std::size_t kept = std::min<std::size_t>(lines.size(), end - next);
       for (std::size_t i = 0; i < kept; ++i) adopted.rows += std::string(lines[i]) + "\n";
       next += kept;
       if (next == NextFolder(header_, next - 1)) adopted.rows.clear();
-      if (next < end) break;
+      if (next < end) break;  // only the last folder may be incomplete
     }
     adopted.complete = old.complete && next == End() && old.count == header_.count;
     return adopted;
@@ -298,10 +278,11 @@ class DatasetWriter {
           }
         }
         if (sample.index < next_) continue;
-        const ImageNames names = NamesOf(sample);
-        next_ = sample.index + 1;
-        rows_ +=
-            WriteDescribed(SampleRow{std::move(sample), names.depth, names.labels}, kRowsName, -1);
+        const std::uint64_t index = sample.index;
+        next_ = index + 1;
+        rows_ += WriteDescribed(
+            SampleRow{std::move(sample), ImageName(index, "depth"), ImageName(index, "labels")},
+            kRowsName, -1);
         if (next_ == NextFolder(header_, next_ - 1) || next_ == End() ||
             Clock::now() - committed_at > kCommitInterval) {
           Commit();
@@ -312,22 +293,18 @@ class DatasetWriter {
     }
   }
 
-  struct ImageNames {
-    std::string depth, labels;
-  };
-  static ImageNames NamesOf(const Sample& sample) {
-    return {fmt::format("{:08}_depth.png", sample.index),
-            fmt::format("{:08}_labels.png", sample.index)};
+  static std::string ImageName(std::uint64_t index, const char* kind) {
+    return fmt::format("{:08}_{}.png", index, kind);
   }
 
   void WriteImages(const Sample& sample) const {
     const fs::path folder = dir_ / FolderName(header_, sample.index);
-    const ImageNames names = NamesOf(sample);
-    const auto write = [&](const std::string& name, const auto& image) {
-      WriteFileAtomically(folder / name, EncodePng(image, PngEffort::kFast), /*sync=*/false);
+    const auto write = [&](const char* kind, const auto& image) {
+      WriteFileAtomically(folder / ImageName(sample.index, kind),
+                          EncodePng(image, PngEffort::kFast), /*sync=*/false);
     };
-    write(names.depth, FromMetres(sample.depth, kDepthScale));
-    write(names.labels, sample.labels);
+    write("depth", FromMetres(sample.depth, kDepthScale));
+    write("labels", sample.labels);
   }
 
   /// Writes the rows. Their images were written before.
@@ -388,7 +365,7 @@ Sample ReadRow(std::string_view line, std::uint64_t number, const fs::path& path
 
 std::string DatasetHeader::Identity() const {
   return Sha256(fmt::format("{}\n{} {} {} {}\n{} {} {}", data_yaml, seed, first_index, count,
-                            batch_size, structure_hash, num_classes, intrinsics_hash));
+                            batch_size, structure.sha256, structure.num_classes, intrinsics_hash));
 }
 
 std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
@@ -401,9 +378,9 @@ std::vector<std::string> DifferencesFrom(const DatasetHeader& header,
     if (not_compared.count(key) == 0)
       differences.push_back(fmt::format("data.{} = {} (dataset: {})", key, is, was));
   }
-  if (context.structure.Hash() != header.structure_hash) {
+  if (context.structure.Hash() != header.structure.sha256) {
     differences.push_back(fmt::format("data.structure = {} has other boxes or labels (dataset: {})",
-                                      context.config.structure, header.structure_name));
+                                      context.config.structure, header.structure.name));
   }
   if (PoolHash(context.pool) != header.intrinsics_hash) {
     differences.push_back(
@@ -469,9 +446,9 @@ std::vector<Sample> Dataset::Read(std::uint64_t first_index, int count) const {
                                     sample.index, i));
       }
       const auto high = std::max_element(sample.labels.begin(), sample.labels.end());
-      if (*high >= header_.num_classes) {
+      if (*high >= header_.structure.num_classes) {
         throw DataError(fmt::format("{}: sample {} has label {}, but its structure only {}",
-                                    path.string(), i, *high, header_.num_classes - 1));
+                                    path.string(), i, *high, header_.structure.num_classes - 1));
       }
       samples.push_back(std::move(sample));
     }

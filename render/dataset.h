@@ -15,6 +15,18 @@ namespace volalign {
 /// sources. There is one folder per thousand samples. It has 16-bit depth and 8-bit label PNGs, and
 /// a row per sample in samples.jsonl.
 struct DatasetHeader {
+  /// The structure in the images.
+  struct Shown {
+    std::string name, sha256;  ///< Structure::Hash()
+    int num_classes = 1;       ///< labels, including background
+
+    template <class Archive>
+    void Describe(Archive& ar) {
+      ar("name", name);
+      ar("sha256", sha256);
+      ar("num_classes", num_classes);
+    }
+  };
   std::string data_yaml;  ///< the resolved SampleConfig
   std::uint64_t seed = 0;
   std::uint64_t first_index = 0;
@@ -22,9 +34,7 @@ struct DatasetHeader {
   bool complete = false;    ///< all `count` samples exist
   int batch_size = 16;      ///< samples of index / batch_size share one image size
   int samples_per_folder = 1000;
-  std::string structure_name;
-  std::string structure_hash;            ///< Structure::Hash()
-  int num_classes = 1;                   ///< labels in the images, including background
+  Shown structure;
   std::string intrinsics_hash;           ///< of the pool of the intrinsics
   std::vector<std::string> image_sizes;  ///< WIDTHxHEIGHT
 

@@ -32,10 +32,10 @@ Domain DomainOf(const Dataset& dataset) {
 }
 
 void RequireSameStructure(const char* key, const Dataset& dataset, const SampleContext& context) {
-  if (dataset.header().structure_hash == context.structure.Hash()) return;
+  if (dataset.header().structure.sha256 == context.structure.Hash()) return;
   throw ConfigError(fmt::format(
       "{} = {} shows the structure {} with other boxes or labels than data.structure = {}", key,
-      dataset.dir().string(), dataset.header().structure_name, context.config.structure));
+      dataset.dir().string(), dataset.header().structure.name, context.config.structure));
 }
 
 std::shared_ptr<const Dataset> OpenTrainingSet(const TrainConfig& config,
