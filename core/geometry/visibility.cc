@@ -204,13 +204,7 @@ std::vector<Eigen::Vector3d> SampleExposedSurface(const Structure& structure, do
                                   side.half_u * ((2 * i + 1.0) / nu - 1) * side.axis_u +
                                   side.half_v * ((2 * j + 1.0) / nv - 1) * side.axis_v;
         if (side.outline && side.Beyond(p) > 0) continue;
-        bool covered = false;
-        for (std::size_t b = 0; b < structure.boxes().size() && !covered; ++b) {
-          const Box& box = structure.boxes()[b];
-          covered = (static_cast<int>(b) != side.box || box.mesh) &&
-                    box.Contains(p + kTouching * side.normal);
-        }
-        if (!covered) points.push_back(p);
+        if (!structure.Contains(p + kTouching * side.normal)) points.push_back(p);
       }
     }
   }

@@ -163,7 +163,11 @@ void GlDepthRenderer::CollectVertices(const SceneMesh& mesh, const Intrinsics& i
   }
 }
 
-void GlDepthRenderer::ClearTargets() {
+void GlDepthRenderer::DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole,
+                              const Pose& structure_from_sensor) {
+  RequireDrawable(mesh, pinhole.width, pinhole.height, max_size_);
+  Resize(pinhole.width, pinhole.height);
+  CollectVertices(mesh, pinhole, structure_from_sensor);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_);
   glDrawBuffer(GL_COLOR_ATTACHMENT0);
   glViewport(0, 0, width_, height_);
@@ -176,14 +180,16 @@ void GlDepthRenderer::ClearTargets() {
   const GLfloat far[] = {0};
   glClearBufferuiv(GL_COLOR, 0, no_id);
   glClearBufferfv(GL_DEPTH, 0, far);
-}
-
-void GlDepthRenderer::SetCamera(const Intrinsics& intrinsics) {
   glUseProgram(program_);
-  glUniform4f(projection_location_, static_cast<float>(2 * intrinsics.fx / intrinsics.width),
-              static_cast<float>(2 * intrinsics.fy / intrinsics.height),
-              static_cast<float>(2 * (intrinsics.cx + 0.5) / intrinsics.width - 1),
-              static_cast<float>(2 * (intrinsics.cy + 0.5) / intrinsics.height - 1));
+  glUniform4f(projection_location_, static_cast<float>(2 * pinhole.fx / pinhole.width),
+              static_cast<float>(2 * pinhole.fy / pinhole.height),
+              static_cast<float>(2 * (pinhole.cx + 0.5) / pinhole.width - 1),
+              static_cast<float>(2 * (pinhole.cy + 0.5) / pinhole.height - 1));
+  DrawVertices();
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  ids_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
+  glReadBuffer(GL_COLOR_ATTACHMENT0);
+  glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
 }
 
 void GlDepthRenderer::DrawVertices() {
@@ -204,24 +210,6 @@ void GlDepthRenderer::DrawVertices() {
                  GL_STATIC_DRAW);
   }
   glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(6 * num_faces), GL_UNSIGNED_INT, nullptr);
-}
-
-void GlDepthRenderer::ReadIds() {
-  glPixelStorei(GL_PACK_ALIGNMENT, 1);
-  ids_.resize(static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_));
-  glReadBuffer(GL_COLOR_ATTACHMENT0);
-  glReadPixels(0, 0, width_, height_, GL_RED_INTEGER, GL_UNSIGNED_INT, ids_.data());
-}
-
-void GlDepthRenderer::DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole,
-                              const Pose& structure_from_sensor) {
-  RequireDrawable(mesh, pinhole.width, pinhole.height, max_size_);
-  Resize(pinhole.width, pinhole.height);
-  CollectVertices(mesh, pinhole, structure_from_sensor);
-  ClearTargets();
-  SetCamera(pinhole);
-  DrawVertices();
-  ReadIds();
 }
 
 void GlDepthRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,

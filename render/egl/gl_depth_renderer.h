@@ -34,10 +34,7 @@ class GlDepthRenderer : public DepthRenderer {
   void Resize(int width, int height);
   void CollectVertices(const SceneMesh& mesh, const Intrinsics& intrinsics,
                        const Pose& structure_from_sensor);
-  void ClearTargets();
-  void SetCamera(const Intrinsics& intrinsics);
   void DrawVertices();
-  void ReadIds();
   /// Fills ids_ with FaceCorner::id of a pinhole picture.
   void DrawIds(const SceneMesh& mesh, const Intrinsics& pinhole, const Pose& structure_from_sensor);
 
