@@ -83,10 +83,6 @@ Batch Unpack(const Batch& packed) {
           packed.cameras};
 }
 
-Batch Collate(const std::vector<Sample>& samples) {
-  return Unpack(BatchPacker(at::kCPU).Pack(samples));
-}
-
 BatchFeed::BatchFeed(SampleSource source, const at::Device& device, int ahead)
     : source_(std::move(source)), packer_(device) {
   if (ahead == 0) return;

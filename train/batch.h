@@ -53,9 +53,6 @@ class BatchPacker {
 /// The samples' values, bit for bit, on the device of the rays.
 Batch Unpack(const Batch& packed);
 
-/// Unpack of Pack on the CPU. Throws as Pack.
-Batch Collate(const std::vector<Sample>& samples);
-
 /// A source's batches on a device.
 class BatchFeed {
  public:

@@ -44,38 +44,37 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
 
 namespace {
 
+constexpr char kBySensor[] = "by_sensor";
 /// Bands of horizontal distance, m: the differences of the paper's three ranges.
 constexpr std::array<std::pair<double, double>, 3> kBands{{{1.5, 2.25}, {2.25, 2.75}, {2.75, 3.5}}};
 
-std::vector<SampleScore> InBand(const std::vector<SampleScore>& scores,
-                                std::pair<double, double> band) {
-  std::vector<SampleScore> inside;
-  for (const SampleScore& score : scores) {
-    if (score.rho_m >= band.first && score.rho_m < band.second) inside.push_back(score);
-  }
-  return inside;
-}
+/// The samples of a sensor, or of a band of distances.
+struct Group {
+  const char* kind;  ///< its key in JSON
+  std::string name;
+  ValidationResult result;
+};
 
-std::map<std::string, std::vector<SampleScore>> BySensor(const std::vector<SampleScore>& scores) {
+std::vector<Group> GroupsOf(const std::vector<SampleScore>& scores) {
   std::map<std::string, std::vector<SampleScore>> by_sensor;
   for (const SampleScore& score : scores) by_sensor[score.sensor].push_back(score);
-  return by_sensor;
-}
-
-std::string InCentimetres(std::pair<double, double> band) {
-  return fmt::format("{:.0f}-{:.0f}", 100 * band.first, 100 * band.second);
+  std::vector<Group> groups;
+  for (const auto& [sensor, own] : by_sensor) groups.push_back({kBySensor, sensor, Summarise(own)});
+  for (const auto& [low, high] : kBands) {
+    std::vector<SampleScore> inside;
+    for (const SampleScore& score : scores) {
+      if (score.rho_m >= low && score.rho_m < high) inside.push_back(score);
+    }
+    if (inside.empty()) continue;
+    groups.push_back(
+        {"by_rho_cm", fmt::format("{:.0f}-{:.0f}", 100 * low, 100 * high), Summarise(inside)});
+  }
+  return groups;
 }
 
 nlohmann::ordered_json ToJson(const ValidationResult& r) {
-  nlohmann::ordered_json j = {{"samples", r.samples},
-                              {"loss_seg", r.loss_seg},
-                              {"miou", r.miou},
-                              {"miou_authors", r.miou_authors},
-                              {"posed", r.posed}};
-  if (r.posed == 0) return j;
-  j["keypoint_rmse_m"] = r.keypoint_rmse_m;
-  j["median_translation_error_m"] = r.median_translation_error_m;
-  j["median_rotation_error_deg"] = r.median_rotation_error_deg;
+  nlohmann::ordered_json j = {{"samples", r.samples}, {"posed", r.posed}};
+  for (const auto& [name, mean] : NamedMeans(r)) j[name] = mean;
   return j;
 }
 
@@ -87,13 +86,8 @@ std::string ValidationJson(const std::vector<ValidatedModel>& models) {
     nlohmann::ordered_json j = {{"model", model.file},
                                 {"training_samples", model.training_samples}};
     j.update(ToJson(model.result));
-    for (const auto& [sensor, scores] : BySensor(model.result.scores)) {
-      j["by_sensor"][sensor] = ToJson(Summarise(scores));
-    }
-    for (const auto& band : kBands) {
-      const std::vector<SampleScore> scores = InBand(model.result.scores, band);
-      if (!scores.empty()) j["by_rho_cm"][InCentimetres(band)] = ToJson(Summarise(scores));
-    }
+    for (const Group& group : GroupsOf(model.result.scores))
+      j[group.kind][group.name] = ToJson(group.result);
     list.push_back(j);
   }
   return list.dump(1) + "\n";
@@ -112,9 +106,7 @@ Table ValidationTable(const std::vector<ValidatedModel>& models) {
                    {"median_translation_error_m", "median error, cm", 100, 1},
                    {"median_rotation_error_deg", "deg", 1, 2}};
   for (const ValidatedModel& model : models) {
-    const auto row = [&](const std::string& group, const std::vector<SampleScore>& scores) {
-      if (scores.empty()) return;
-      const ValidationResult r = Summarise(scores);
+    const auto row = [&](const std::string& group, const ValidationResult& r) {
       const bool posed = r.posed > 0;
       const auto if_posed = [&](double error) {
         return posed ? Table::Cell(error) : Table::Cell();
@@ -124,10 +116,10 @@ Table ValidationTable(const std::vector<ValidatedModel>& models) {
                             if_posed(r.median_translation_error_m),
                             if_posed(r.median_rotation_error_deg)});
     };
-    row("all", model.result.scores);
-    for (const auto& [sensor, scores] : BySensor(model.result.scores)) row(sensor, scores);
-    for (const auto& band : kBands)
-      row(fmt::format("rho {} cm", InCentimetres(band)), InBand(model.result.scores, band));
+    row("all", Summarise(model.result.scores));
+    for (const Group& group : GroupsOf(model.result.scores))
+      row(group.kind == kBySensor ? group.name : fmt::format("rho {} cm", group.name),
+          group.result);
   }
   return table;
 }

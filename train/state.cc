@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "core/base/error.h"
 #include "core/config/config.h"
@@ -57,26 +58,17 @@ void Describe(Archive& ar, RunProgress& progress) {
   ar("means", progress.means);
 }
 
+template <class Archive>
+void Describe(Archive& ar, StateMeta& meta) {
+  Describe(ar, meta.progress);
+  ar("steps", meta.steps);
+  ar("data_identity", meta.data_identity);
+  ar("bf16", meta.bf16);
+  ar("channels_last", meta.channels_last);
+  ar("config", meta.config);
+}
+
 namespace {
-
-/// Content of a state's file beside its tensors.
-struct StateMeta {
-  RunProgress progress;
-  std::int64_t steps = 0;
-  std::string data_identity;
-  bool bf16 = false, channels_last = false;
-  std::string config;
-
-  template <class Archive>
-  void Describe(Archive& ar) {
-    volalign::Describe(ar, progress);
-    ar("steps", steps);
-    ar("data_identity", data_identity);
-    ar("bf16", bf16);
-    ar("channels_last", channels_last);
-    ar("config", config);
-  }
-};
 
 /// Keys that may differ if a run is resumed. They change no sample and no step, with two
 /// exceptions. run.threads and run.device change the rounding of a step's sums. So does
@@ -181,22 +173,16 @@ namespace {
 
 SavedState ReadState(const std::filesystem::path& path, const TrainConfig& config,
                      const std::string& data_identity) {
-  SavedState saved;
-  saved.path = path;
-  saved.file = ReadTensorFile(path, kStateFormat);
-  const auto meta = ReadDescribed<StateMeta>(saved.file.meta, path.string());
-  RequireSameRun(meta.config, config, path.string());
-  if (meta.data_identity != data_identity) {
+  TensorFile file = ReadTensorFile(path, kStateFormat);
+  SavedState saved{ReadDescribed<StateMeta>(file.meta, path.string()), path, std::move(file)};
+  RequireSameRun(saved.config, config, path.string());
+  if (saved.data_identity != data_identity) {
     throw ConfigError(fmt::format(
         "{} was trained on other samples than run.dataset = '{}' and data.real give: resume with "
         "the run's own (config.yaml there names them), or start a new run",
         path.string(), config.run.dataset));
   }
-  saved.progress = meta.progress;
-  saved.steps = meta.steps;
-  if (meta.bf16) saved.type = at::kBFloat16;
-  saved.channels_last = meta.channels_last;
-  if (!SameValidation(meta.config, config)) saved.progress.best = BestValidation();
+  if (!SameValidation(saved.config, config)) saved.progress.best = BestValidation();
   return saved;
 }
 

@@ -53,14 +53,20 @@ void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
 /// Are the results of validations under both configurations comparable?
 bool SameValidation(const std::string& saved_yaml, const TrainConfig& config);
 
-/// A state that was read, of the run that the caller wants to continue.
-struct SavedState {
-  std::filesystem::path path;
-  TensorFile file;
+/// Content of a state's file beside its tensors.
+struct StateMeta {
   RunProgress progress;
   std::int64_t steps = 0;
-  at::ScalarType type = at::kFloat;  ///< of the run's computation
-  bool channels_last = false;        ///< the run's layout, whatever the machine
+  std::string data_identity;
+  bool bf16 = false;           ///< the type of the run's computation, else float32
+  bool channels_last = false;  ///< the run's layout, whatever the machine
+  std::string config;
+};
+
+/// A state that was read, of the run that the caller wants to continue.
+struct SavedState : StateMeta {
+  std::filesystem::path path;
+  TensorFile file;
 };
 
 /// The newest state of `folder` that is whole, or nothing if there is no state. `damaged` receives

@@ -5,22 +5,8 @@
 #include <algorithm>
 
 #include "core/base/error.h"
-#include "core/nn/network.h"
 
 namespace volalign {
-
-StructureNetOptions ModelConfig::Options(int num_classes) const {
-  StructureNetOptions options;
-  options.kind = kind;
-  options.base_channels = base_channels;
-  options.num_classes = num_classes;
-  options.attention = attention;
-  options.normalization = normalization;
-  options.input = input;
-  options.residual_blocks = residual_blocks;
-  options.background_bias = background_bias;
-  return options;
-}
 
 void TrainConfig::Validate() const {
   if (run.seed == run.validation_seed) {

@@ -15,17 +15,8 @@ namespace volalign {
 
 std::vector<std::string> NetworkKinds();  // core/nn/network.h
 
-/// The network, without the number of classes, which the structure gives
-/// (core/model/network_options.h).
-struct ModelConfig {
-  std::string kind = "paper";
-  int base_channels = 32;
-  bool attention = true;
-  Normalization normalization = Normalization::kNone;
-  InputEncoding input = InputEncoding::kDepth;
-  int residual_blocks = 4;
-  double background_bias = 0;
-
+/// The network. Its number of classes is the structure's, and no key.
+struct ModelConfig : StructureNetOptions {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("kind", kind,
@@ -43,7 +34,11 @@ struct ModelConfig {
        Between(0, kMostResidualBlocks));
     ar("background_bias", background_bias, "initial bias of the background class");
   }
-  StructureNetOptions Options(int num_classes) const;
+  StructureNetOptions Options(int of_structure) const {
+    StructureNetOptions options = *this;
+    options.num_classes = of_structure;
+    return options;
+  }
 };
 
 /// L = L_seg + lambda L_3D, the paper's loss; the defaults are the paper's.

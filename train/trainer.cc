@@ -75,7 +75,7 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     folder.emplace(options.run_dir);
                     state = Begin(*folder, data, config, options.resume, &damaged);
                     if (!state) return chosen;
-                    chosen.type = state->type;
+                    chosen.type = state->bf16 ? at::kBFloat16 : at::kFloat;
                     chosen.channels_last = state->channels_last;
                     return chosen;
                   });

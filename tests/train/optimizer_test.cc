@@ -11,6 +11,8 @@
 #include <algorithm>
 #include <cstdint>
 #include <memory>
+#include <map>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -73,8 +75,9 @@ TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
   StructureNet net = TinyNet(Normalization::kBatch);
   FlatModule flat(*net);
   at::Tensor between = at::ones({flat.parameters().numel()});
-  for (std::size_t i = 0; i < flat.tensors().size(); ++i)
-    between.narrow(0, flat.offset(i), flat.tensors()[i].numel()).zero_();
+  std::map<std::string, at::Tensor> parameters;
+  flat.AddViews(between, "", &parameters);
+  for (auto& [name, view] : parameters) view.zero_();
   EXPECT_GT(between.sum().item<double>(), 0);
   OptimConfig config;
   config.optimizer = OptimizerKind::kAdamW;

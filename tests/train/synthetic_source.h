@@ -23,6 +23,11 @@
 
 namespace volalign {
 
+/// The samples' values on the CPU. Throws as BatchPacker.
+inline Batch Collate(const std::vector<Sample>& samples) {
+  return Unpack(BatchPacker(at::kCPU).Pack(samples));
+}
+
 /// The bare structure, ray-cast without noise: sample i is a function of (seed, i modulo `period`).
 class SyntheticSource {
  public:

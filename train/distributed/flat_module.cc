@@ -39,7 +39,6 @@ FlatModule::FlatModule(torch::nn::Module& module) {
     view.copy_(p);
     p.set_data(view);
     p.mutable_grad() = gradients_.narrow(0, slots_[i].offset, p.numel()).view(p.sizes());
-    tensors_.push_back(p);
   }
 
   std::vector<at::Tensor> buffers = module.buffers();

@@ -27,10 +27,6 @@ class FlatModule {
   at::Tensor& gradients() { return gradients_; }             ///< [N], accumulated by backward()
   at::Tensor& buffers() { return buffers_; }                 ///< [M]
   std::int64_t num_weights() const { return num_weights_; }  ///< leading values that decay
-  /// Begin in parameters() of the parameter with this number in tensors().
-  std::int64_t offset(std::size_t parameter) const { return slots_[parameter].offset; }
-  /// The module's parameters in their order in parameters().
-  const std::vector<at::Tensor>& tensors() const { return tensors_; }
 
   /// Adds views of a vector with the layout of parameters(), under prefix + parameter name.
   void AddViews(const at::Tensor& flat, const std::string& prefix,
@@ -44,7 +40,6 @@ class FlatModule {
   };
   at::Tensor parameters_, gradients_, buffers_;
   std::vector<Slot> slots_;
-  std::vector<at::Tensor> tensors_;
   std::int64_t num_weights_ = 0;
 };
 

@@ -139,16 +139,19 @@ TEST(FlatModule, SlotsAreAlignedAndApart) {
     return reinterpret_cast<std::uintptr_t>(t.data_ptr<float>());
   };
   const auto aligned = [&](const at::Tensor& t) { return address(t) % 64 == 0; };
+  std::vector<at::Tensor> parameters = net->parameters();
+  std::sort(parameters.begin(), parameters.end(),
+            [&](const at::Tensor& a, const at::Tensor& b) { return address(a) < address(b); });
   std::int64_t end = 0, single = 0;
-  for (std::size_t i = 0; i < flat.tensors().size(); ++i) {
-    const at::Tensor& p = flat.tensors()[i];
-    EXPECT_TRUE(aligned(p) && aligned(p.grad())) << i;
-    EXPECT_EQ(address(p) - address(flat.parameters()), 4u * flat.offset(i));
-    EXPECT_GE(flat.offset(i), end);
-    EXPECT_EQ(p.dim() > 1, flat.offset(i) < flat.num_weights()) << i;
-    end = flat.offset(i) + p.numel();
+  for (const at::Tensor& p : parameters) {
+    const auto offset = static_cast<std::int64_t>((address(p) - address(flat.parameters())) / 4);
+    EXPECT_TRUE(aligned(p) && aligned(p.grad())) << offset;
+    EXPECT_GE(offset, end);
+    EXPECT_EQ(p.dim() > 1, offset < flat.num_weights()) << offset;
+    end = offset + p.numel();
     single += p.numel() == 1;
   }
+  EXPECT_LE(end, flat.parameters().numel());
   EXPECT_GT(single, 0);
   for (const at::Tensor& b : net->buffers()) EXPECT_TRUE(aligned(b));
 }
