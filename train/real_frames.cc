@@ -18,7 +18,7 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 
 namespace volalign {
 namespace {
@@ -28,7 +28,7 @@ using nlohmann::json;
 
 std::vector<std::string> OneOrList(const JsonObject& object, const std::string& key) {
   return object.Get(key).is_string() ? std::vector<std::string>{object.Text(key)}
-                                     : object.Texts(key);
+                                     : object.Read<std::vector<std::string>>(key);
 }
 
 fs::path FindDepth(const std::string& file, const fs::path& extrinsics, const fs::path& capture) {
@@ -45,10 +45,8 @@ Structure AsBuilt(const Structure& structure, const JsonObject& file) {
   std::map<std::string, Pose> found;
   for (const JsonObject& box :
        file.Has("boxes") ? file.Children("boxes") : std::vector<JsonObject>()) {
-    const std::vector<double> t = box.Numbers("translation_m");
-    if (t.size() != 3) throw DataError(box.Place("translation_m") + " has not 3 numbers");
     Pose displacement = Pose::Identity();
-    displacement.translation() = Eigen::Vector3d(t[0], t[1], t[2]);
+    displacement.translation() = box.Read<Eigen::Vector3d>("translation_m");
     displacement.rotate(
         Eigen::AngleAxisd(box.Number("yaw_deg") * M_PI / 180, Eigen::Vector3d::UnitY()));
     found[box.Text("name")] = displacement;
@@ -85,9 +83,8 @@ void ReadCalibration(const fs::path& path, const Structure& structure,
     if (sensor.Text("status") != "ok") continue;
     RealFrame frame;
     frame.sensor = sensor.Has("sensor") ? sensor.Text("sensor") : "";
-    frame.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
-    frame.structure_from_sensor =
-        PoseFromRows(sensor.Matrix("structure_from_sensor"), sensor.Place("structure_from_sensor"));
+    frame.intrinsics = sensor.Read<Intrinsics>("intrinsics");
+    frame.structure_from_sensor = sensor.Read<Pose>("structure_from_sensor");
     frame.structure = built;
     const double gain = sensor.Has("depth_gain") ? sensor.Number("depth_gain") : 1,
                  offset = sensor.Has("depth_offset_m") ? sensor.Number("depth_offset_m") : 0;

@@ -3,10 +3,12 @@
 #include <Eigen/Core>
 #include <cmath>
 #include <cstdint>
+#include <initializer_list>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -15,9 +17,31 @@
 #include "core/config/config_word.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
-#include "core/json/strict_json.h"
 
 namespace volalign {
+
+/// Limits far above all documents of volalign and of the programs whose files it reads. Deeper ones
+/// would end the program: a value is copied, written and destroyed by recursion.
+inline constexpr int kMaxJsonDepth = 64;
+inline constexpr std::size_t kMaxJsonValues = 4'000'000;
+
+/// Parses JSON. Throws DataError in one line, with `name` and the position, for a syntax error (NaN
+/// is one) or a duplicate key. It does so for a null anywhere, as a key without a value has to be
+/// absent. It also does so for a document that is nested deeper than kMaxJsonDepth or has more than
+/// kMaxJsonValues values.
+nlohmann::json ParseStrictJson(const std::string& text, const std::string& name);
+
+/// A value for a message: as JSON, and Shortened.
+std::string ShownJson(const nlohmann::json& value);
+
+/// Read one value. `place` is its place ("capture.json: sensors[0]: depth_scale"). Throw DataError
+/// with the place, the value and the expected type. An int may be written as 3.0.
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, bool* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, int* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::int64_t* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::uint64_t* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, double* value);
+void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::string* value);
 
 /// JSON files: a struct describes its fields once, as in core/config/config.h.
 ///
@@ -55,8 +79,6 @@ namespace volalign {
 ///   ar.OneOrList(key, texts)    absent, a string or a list
 ///   ar.ByName(key, items, &Item::name)   an object of the items by their names
 ///   Archive::kReading, ar.where()
-class JsonReader;
-class JsonWriter;
 
 template <class Archive, class T>
 void Describe(Archive& ar, T& value) {
@@ -197,31 +219,52 @@ void MatrixFromJson(const nlohmann::json& json, const std::string& place, T* mat
   }
 }
 
-template <class T>
-void EnumFromJson(const nlohmann::json& json, const std::string& place, T* value) {
-  std::string text;
-  ReadJsonValue(json, place, &text);
-  if (!FromWord(text, value)) FailNotOneOf(text, WordsOfAll<T>(), place);
-}
-
 }  // namespace json_internal
 
-/// Fills a struct from a JSON object.
-class JsonReader {
+/// A JSON object that remembers which keys were asked for: it fills a struct that describes itself,
+/// or is read key by key. All functions throw DataError with the place and the expected value. The
+/// document must outlive it.
+class JsonObject {
  public:
   static constexpr bool kReading = true;
-  /// The object must outlive the reader.
-  explicit JsonReader(const JsonObject& object) : object_(object) {}
-  const std::string& where() const { return object_.where(); }
+
+  /// `where` begins every message ("capture.json: sensor 2"). Throws unless `value` is an object.
+  JsonObject(const nlohmann::json& value, std::string where);
+
+  const std::string& where() const { return where_; }
+  /// The place of a key's value, for messages.
+  std::string Place(const std::string& key) const { return where_ + ": " + key; }
+  /// Replaces the part after the document's name in later messages. Returns where().
+  const std::string& Renamed(const std::string& part) const;
+
+  bool Has(const std::string& key) const;
+  const nlohmann::json& Get(const std::string& key) const;
+  /// A value of any type that a described struct may have; numbers are finite.
+  template <class T>
+  T Read(const std::string& key) const {
+    T value{};
+    json_internal::FromJson(Get(key), Place(key), &value);
+    return value;
+  }
+  std::string Text(const std::string& key) const { return Read<std::string>(key); }
+  double Number(const std::string& key) const { return Read<double>(key); }
+  JsonObject Child(const std::string& key) const { return JsonObject(Get(key), Place(key)); }
+  std::vector<JsonObject> Children(const std::string& key) const;
+  /// Keys in alphabetical order, as the parser does not keep the document's order.
+  std::vector<std::string> Keys() const;
+
+  /// Throws for the first key that was neither asked for nor tested nor is in `known`. The message
+  /// has the nearest of those.
+  void RejectOthers(std::initializer_list<const char*> known = {}) const;
 
   template <class T>
-  void operator()(const std::string& key, T& value) {
-    json_internal::FromJson(object_.Get(key), object_.Place(key), &value);
+  void operator()(const std::string& key, T& value) const {
+    json_internal::FromJson(Get(key), Place(key), &value);
   }
   template <class T>
-  void Optional(const std::string& key, T& value) {
+  void Optional(const std::string& key, T& value) const {
     value = T();
-    if (!object_.Has(key)) return;
+    if (!Has(key)) return;
     if constexpr (json_internal::IsOptional<T>::value) {
       value.emplace();
       (*this)(key, *value);
@@ -230,38 +273,40 @@ class JsonReader {
     }
   }
   template <class T>
-  void Later(const std::string& key, T& value) {
-    if (object_.Has(key)) (*this)(key, value);
+  void Later(const std::string& key, T& value) const {
+    if (Has(key)) (*this)(key, value);
   }
   template <class T>
-  void IfFinite(const std::string& key, T& value) {
+  void IfFinite(const std::string& key, T& value) const {
     json_internal::SetUnknown(&value);
-    if (object_.Has(key)) (*this)(key, value);
+    Later(key, value);
   }
   template <class T>
-  void IfFinite(const std::string& key, T& value, const T& absent) {
+  void IfFinite(const std::string& key, T& value, const T& absent) const {
     value = absent;
-    if (object_.Has(key)) (*this)(key, value);
+    Later(key, value);
   }
-  void Constant(const std::string& key, const std::string& text);
+  void Constant(const std::string& key, const std::string& text) const;
   template <class T>
-  void Derived(const std::string& key, const T& /*value*/) {
-    object_.Has(key);
+  void Derived(const std::string& key, const T& /*value*/) const {
+    Has(key);
   }
-  void OneOrList(const std::string& key, std::vector<std::string>& texts);
+  void OneOrList(const std::string& key, std::vector<std::string>& texts) const;
   template <class T, class Named>
-  void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) {
-    const JsonObject object = object_.Child(key);
+  void ByName(const std::string& key, std::vector<T>& items, std::string Named::*name) const {
+    const JsonObject object = Child(key);
     items.clear();
     for (const std::string& item : object.Keys()) {
-      items.emplace_back();
-      items.back().*name = item;
-      json_internal::FromJson(object.Get(item), object.Place(item), &items.back());
+      items.emplace_back().*name = item;
+      object(item, items.back());
     }
   }
 
  private:
-  const JsonObject& object_;
+  const nlohmann::json* value_;
+  std::string document_;
+  mutable std::string where_;
+  mutable std::set<std::string> known_;
 };
 
 /// Builds a JSON object from a struct.
@@ -358,7 +403,9 @@ void FromJson(const nlohmann::json& json, const std::string& place, T* value) {
   if constexpr (std::is_arithmetic_v<T> || std::is_same_v<T, std::string>) {
     ReadJsonValue(json, place, value);
   } else if constexpr (std::is_enum_v<T>) {
-    EnumFromJson(json, place, value);
+    std::string text;
+    ReadJsonValue(json, place, &text);
+    if (!FromWord(text, value)) FailNotOneOf(text, WordsOfAll<T>(), place);
   } else if constexpr (std::is_same_v<T, Pose>) {
     std::vector<std::vector<double>> rows;
     FromJson(json, place, &rows);
@@ -369,9 +416,7 @@ void FromJson(const nlohmann::json& json, const std::string& place, T* value) {
     const JsonObject object(json, place);
     value->clear();
     for (const std::string& key : object.Keys()) {
-      typename T::value_type::second_type item{};
-      FromJson(object.Get(key), object.Place(key), &item);
-      value->insert(value->end(), {key, std::move(item)});
+      value->insert(value->end(), {key, object.Read<typename T::value_type::second_type>(key)});
     }
   } else if constexpr (IsVector<T>::value) {
     RequireList(json, place);
@@ -388,8 +433,7 @@ void FromJson(const nlohmann::json& json, const std::string& place, T* value) {
     FromJson(json[1], place, &value->second);
   } else {
     const JsonObject object(json, place);
-    JsonReader reader(object);
-    Describe(reader, *value);
+    Describe(object, *value);
     object.RejectOthers();
   }
 }
@@ -423,8 +467,7 @@ T ReadDescribed(const std::string& text, const std::string& name) {
 template <class T>
 T ReadDescribed(const JsonObject& object) {
   T value;
-  JsonReader reader(object);
-  Describe(reader, value);
+  Describe(object, value);
   object.RejectOthers();
   return value;
 }

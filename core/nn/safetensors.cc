@@ -11,7 +11,7 @@
 
 #include "core/base/error.h"
 #include "core/base/text.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 
 namespace volalign {
 namespace {

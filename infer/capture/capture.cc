@@ -15,7 +15,7 @@
 #include "core/base/file_util.h"
 #include "core/base/text.h"
 #include "core/geometry/lens.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 #include "infer/capture/mean_depth.h"
 #include "infer/formats/depth_file.h"
 #include "infer/formats/intrinsics_file.h"
@@ -64,7 +64,7 @@ std::string ParsePlainText(const JsonObject& object, const std::string& key) {
 
 std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
   if (object.Get("depth").is_string()) return {object.Text("depth")};
-  std::vector<std::string> files = object.Texts("depth");
+  std::vector<std::string> files = object.Read<std::vector<std::string>>("depth");
   if (files.empty()) {
     throw DataError(
         fmt::format("{}: depth is an empty list; name at least one depth file", object.where()));
@@ -88,7 +88,7 @@ auto ReadingFor(const std::string& where, const Read& read) {
 /// The chosen stream of a recording.
 RecordedDepth ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path,
                                 ReadBudget* budget) {
-  const int frames = object.Has("frames") ? object.Int("frames") : kDefaultFrames;
+  const int frames = object.Has("frames") ? object.Read<int>("frames") : kDefaultFrames;
   if (frames < 1 || frames > kMostFrames) {
     throw DataError(fmt::format("{}: frames = {} violates 1 <= frames <= {}", object.where(),
                                 frames, kMostFrames));
@@ -182,16 +182,15 @@ Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem
     return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
   if (given.is_object() && given.contains("ppx"))
     return ParseIntrinsicsText(given.dump(), object.Place("intrinsics"), size);
-  return ParseIntrinsics(object.Child("intrinsics"));
+  return object.Read<Intrinsics>("intrinsics");
 }
 
 std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   if (!object.Has("colour")) return std::nullopt;
   const JsonObject given = object.Child("colour");
   ColourCamera colour;
-  colour.colour_from_depth =
-      PoseFromRows(given.Matrix("colour_from_depth"), given.Place("colour_from_depth"));
-  if (given.Has("intrinsics")) colour.intrinsics = ParseIntrinsics(given.Child("intrinsics"));
+  colour.colour_from_depth = given.Read<Pose>("colour_from_depth");
+  if (given.Has("intrinsics")) colour.intrinsics = given.Read<Intrinsics>("intrinsics");
   given.RejectOthers();
   return colour;
 }
@@ -206,7 +205,7 @@ std::optional<PosePrior> ParsePrior(const JsonObject& object) {
         "{}: give either structure_from_sensor or world_from_sensor, a 4x4 matrix", given.where()));
   }
   const char* const key = in_world ? "world_from_sensor" : "structure_from_sensor";
-  prior.world_from_sensor = PoseFromRows(given.Matrix(key), given.Place(key));
+  prior.world_from_sensor = given.Read<Pose>(key);
   if (in_world) prior.world = PriorWorld::kMetric;
   if (given.Has("scale")) {
     if (!in_world || given.Text("scale") != "free") {
@@ -284,13 +283,8 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
 }
 
 /// Gives the sensors their poses in `truth`.
-void ParseGroundTruth(const JsonObject& truth, const std::string& name,
-                      std::vector<SensorFrame>* sensors) {
-  for (SensorFrame& frame : *sensors) {
-    if (!truth.Has(frame.name)) continue;
-    frame.ground_truth = PoseFromRows(truth.Matrix(frame.name),
-                                      fmt::format("{}: ground_truth of \"{}\"", name, frame.name));
-  }
+void ParseGroundTruth(const JsonObject& truth, std::vector<SensorFrame>* sensors) {
+  for (SensorFrame& frame : *sensors) truth.Optional(frame.name, frame.ground_truth);
   truth.RejectOthers();
 }
 
@@ -376,7 +370,7 @@ CaptureFile ReadCapture(const std::filesystem::path& path) {
     throw DataError(fmt::format("{}: sensors is empty; list at least one sensor", name));
   }
   if (root.Has("ground_truth")) {
-    ParseGroundTruth(root.Child("ground_truth"), name, &capture.sensors);
+    ParseGroundTruth(root.Child("ground_truth"), &capture.sensors);
   }
   return capture;
 }

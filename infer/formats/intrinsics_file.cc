@@ -397,13 +397,7 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
   if (root["ppx"]) return FromRealSense(root, name);
   if (const YAML::Node matrix = FirstOf(root, {"camera_matrix", "cameraMatrix", "K", "k"}))
     return FromMatrix(root, matrix, name);
-  if (root["fx"]) {
-    const nlohmann::json json = ParseStrictJson(text, name);
-    const JsonObject object(json, name);
-    Intrinsics intrinsics = ParseIntrinsics(object);
-    object.RejectOthers();
-    return intrinsics;
-  }
+  if (root["fx"]) return ReadDescribed<Intrinsics>(text, name);
   throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
 }
 

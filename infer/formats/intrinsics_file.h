@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/geometry/camera.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 
 namespace volalign {
 

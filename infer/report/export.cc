@@ -16,7 +16,7 @@
 #include "core/base/file_util.h"
 #include "core/base/parallel_for.h"
 #include "core/formats/image_io.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 #include "core/plot/picture.h"
 #include "infer/capture/capture.h"
 #include "infer/report/clouds.h"

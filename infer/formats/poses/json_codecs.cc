@@ -6,7 +6,7 @@
 
 #include "core/base/error.h"
 #include "core/base/text.h"
-#include "core/json/strict_json.h"
+#include "core/json/json_archive.h"
 #include "infer/formats/poses/codecs.h"
 
 namespace volalign::poses_internal {
@@ -59,7 +59,7 @@ ordered_json ColumnMajor(const Eigen::MatrixXd& matrix) {
 }
 
 Eigen::MatrixXd FromColumnMajor(const JsonObject& object, const std::string& key, int rows) {
-  const std::vector<double> numbers = object.Numbers(key);
+  const std::vector<double> numbers = object.Read<std::vector<double>>(key);
   if (static_cast<int>(numbers.size()) != rows * rows)
     throw DataError(fmt::format("{}: {} numbers instead of {}", object.Place(key), numbers.size(),
                                 rows * rows));
@@ -76,8 +76,8 @@ std::string FileText(const ordered_json& file) { return file.dump(2) + "\n"; }
 
 Intrinsics Open3dIntrinsics(const JsonObject& object) {
   const Eigen::MatrixXd matrix = FromColumnMajor(object, "intrinsic_matrix", 3);
-  Intrinsics k{object.Int("width"),
-               object.Int("height"),
+  Intrinsics k{object.Read<int>("width"),
+               object.Read<int>("height"),
                matrix(0, 0),
                matrix(1, 1),
                matrix(0, 2),
@@ -114,9 +114,8 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
   for (const JsonObject& sensor : root.Children("sensors")) {
     SensorPose pose;
     pose.name = sensor.Text("name");
-    pose.structure_from_sensor =
-        PoseFromRows(sensor.Matrix("structure_from_sensor"), sensor.Place("structure_from_sensor"));
-    if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    pose.structure_from_sensor = sensor.Read<Pose>("structure_from_sensor");
+    if (sensor.Has("intrinsics")) pose.intrinsics = sensor.Read<Intrinsics>("intrinsics");
     ReadDepth(sensor, &pose);
     sensor.RejectOthers();
     poses.push_back(std::move(pose));
@@ -161,9 +160,9 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
     throw DataError(fmt::format("{}: class_name \"{}\" is no PinholeCameraTrajectory", name,
                                 Shortened(root.Text("class_name"))));
   const std::vector<std::string> names =
-      root.Has("names") ? root.Texts("names") : std::vector<std::string>{};
+      root.Has("names") ? root.Read<std::vector<std::string>>("names") : std::vector<std::string>{};
   const auto numbers = [&](const char* key) {
-    return root.Has(key) ? root.Numbers(key) : std::vector<double>{};
+    return root.Has(key) ? root.Read<std::vector<double>>(key) : std::vector<double>{};
   };
   const std::vector<double> gains = numbers("depth_gain"), offsets_m = numbers("depth_offset_m");
   Poses poses;
@@ -216,7 +215,7 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
     pose.structure_from_sensor = unity;
     // Both changes of axes are their own inverse.
     pose.structure_from_sensor.linear() = UnityFromYUp() * unity.linear() * UnityCameraFromSensor();
-    if (sensor.Has("intrinsics")) pose.intrinsics = ParseIntrinsics(sensor.Child("intrinsics"));
+    if (sensor.Has("intrinsics")) pose.intrinsics = sensor.Read<Intrinsics>("intrinsics");
     ReadDepth(sensor, &pose);
     poses.push_back(std::move(pose));
   }
@@ -248,7 +247,7 @@ Poses ReadCwipc(const std::string& text, const std::string& name) {
     SensorPose pose;
     pose.serial = camera.Text("serial");
     pose.name = camera.Has("name") ? camera.Text("name") : pose.serial;
-    pose.structure_from_sensor = PoseFromRows(camera.Matrix("trafo"), camera.Place("trafo"));
+    pose.structure_from_sensor = camera.Read<Pose>("trafo");
     ReadDepth(camera, &pose);
     poses.push_back(std::move(pose));
   }

@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/json/strict_json.h"
 #include "core/json/table.h"
 #include "tests/core/base/expect_error.h"
 

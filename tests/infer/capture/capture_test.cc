@@ -153,7 +153,7 @@ TEST_F(CaptureTest, SaysWhatIsWrongWithTheJson) {
             {"ground_truth", "\"B\""});
   ExpectBad(Write("{\"depth_scale\": 0.001, \"sensors\": [" + sensor +
                   "], \"ground_truth\": {\"A\": [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}"),
-            {"ground_truth of \"A\""});
+            {"ground_truth: A"});
 }
 
 TEST_F(CaptureTest, SensorNamesServeAsFileNames) {
