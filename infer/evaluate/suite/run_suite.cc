@@ -173,6 +173,7 @@ std::string WriteSuite(const std::filesystem::path& folder, const SuiteConfig& s
   std::string all;
   for (const SuiteTable& table : suite.tables) {
     const TableData data = MakeTable(suite, table, scores);
+    WriteFileAtomically(folder / (table.name + ".csv"), FormatTableCsv(data));
     WriteFileAtomically(folder / (table.name + ".json"), FormatTableJson(data));
     all += (all.empty() ? "" : "\n") + FormatMarkdown(data);
   }

@@ -7,6 +7,7 @@
 #include <map>
 
 #include "core/json/json_archive.h"
+#include "core/json/table.h"
 #include "infer/evaluate/statistics.h"
 #include "infer/evaluate/suite/methods.h"
 
@@ -307,6 +308,41 @@ void Describe(Archive& ar, TableData& data) {
   ar("table", data.table.name);
   ar("title", data.table.title);
   ar("rows", data.rows);
+}
+
+std::string FormatTableCsv(const TableData& data) {
+  Table csv;
+  csv.columns = {"row",           "method",    "stage",      "block",      "metric",
+                 "count",         "mean",      "std",        "rsd",        "rsd_within",
+                 "to_best",       "floor",     "paper_mean", "paper_std",  "paper_rsd",
+                 "paper_to_best", "views",     "lost",       "measured",   "wrong",
+                 "mean_mm",       "median_mm", "mean_deg",   "median_deg", "miou_of_truth"};
+  const auto given = [](bool present, double value) {
+    return present ? Table::Cell(value) : Table::Cell();
+  };
+  const auto optional = [](const std::optional<double>& value) {
+    return value ? Table::Cell(*value) : Table::Cell();
+  };
+  for (const TableRowData& row : data.rows) {
+    for (std::size_t b = 0; b < row.cells.size(); ++b) {
+      const SuiteBlock& block = data.table.blocks[b];
+      const TableCell& cell = row.cells[b];
+      const TableTruth& t = row.truth[b];
+      const bool any = !cell.values.empty(), errors = t.measured > 0;
+      csv.rows.push_back(
+          {row.row.label, row.row.method, std::string(ToString(row.row.stage)), block.title,
+           std::string(ToString(block.metric)), CellOf(cell.values.size()),
+           given(any, cell.column.mean), given(any, cell.column.std), given(any, cell.column.rsd),
+           optional(cell.column.rsd_within), optional(cell.distance), optional(cell.floor)});
+      for (std::size_t c = 0; c < 4; ++c) csv.rows.back().emplace_back(Paper(row.row, b, c));
+      for (const int count : {t.views, t.lost, t.measured, t.wrong})
+        csv.rows.back().push_back(CellOf(count));
+      for (const double error : {t.mean_mm, t.median_mm, t.mean_deg, t.median_deg})
+        csv.rows.back().push_back(given(errors, error));
+      csv.rows.back().push_back(optional(t.miou_of_truth));
+    }
+  }
+  return FormatTable(csv, TableFormat::kCsv);
 }
 
 std::string FormatTableJson(const TableData& data) {

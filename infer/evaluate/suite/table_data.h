@@ -45,6 +45,8 @@ TableData MakeTable(const SuiteConfig& suite, const SuiteTable& table,
 /// A table for people: our figure of each cell with the paper's in brackets, and floors. Then come
 /// pose errors, failures and each set-up's own spread.
 std::string FormatMarkdown(const TableData& table);
+/// All numbers, a row for each cell of the table.
+std::string FormatTableCsv(const TableData& table);
 /// All numbers, with the single values behind them.
 std::string FormatTableJson(const TableData& table);
 

@@ -84,7 +84,7 @@ TEST_F(ToySuite, RunsAndWritesItsTables) {
   EXPECT_EQ(ReadFile(run_.output / "captures/toy/toy_turn_2.markers.json").find("{"), 0u);
   const std::string text = WriteSuite(run_.output, suite, scores);
   EXPECT_TRUE(Has(text, "| missing (no model yet) | - | - |"));
-  for (const char* file : {"toy_table.json", "suite.md", "suite.json"})
+  for (const char* file : {"toy_table.csv", "toy_table.json", "suite.md", "suite.json"})
     EXPECT_TRUE(fs::exists(run_.output / file)) << file;
 }
 
@@ -279,6 +279,8 @@ TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
                   " 70.00% (5) | 16.33% (6) | 23.3% (7) | -12.50% (8) | 100.00% |",
                   "none (no model yet)"));
   EXPECT_TRUE(Has(FormatTableJson(data), "\"to_best\""));
+  EXPECT_TRUE(
+      Has(FormatTableCsv(data), "\"second\",\"a\",\"initial\",\"RMS\",\"d1\",2,0.03,0.01,"));
 }
 
 }  // namespace
