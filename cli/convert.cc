@@ -45,6 +45,7 @@ ColourCameras ReadColourCameras(const std::vector<std::string>& assignments) {
 
 int RunConvert(const ConvertOptions& options) {
   const std::string &to = options.to, &from = options.from;
+  const bool is_folder = IsFolder(to);  // an unknown word is an error before anything is read
   const auto poses = ReadPoses(options.input, from, ReadColourCameras(options.colour_cameras));
   WorldChoice world = options.world;
   world.colour = options.camera == "colour";
@@ -56,7 +57,7 @@ int RunConvert(const ConvertOptions& options) {
   if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
   world.world = ReadWorld(options.input, from);
   std::vector<std::string> notes;
-  if (IsFolder(to)) {
+  if (is_folder) {
     const ResultFolder folder(options.output);
     notes = WritePoses(folder.draft(), to, poses, world);
     SaveCommand(folder.draft());

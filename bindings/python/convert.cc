@@ -104,6 +104,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
                                  const std::string& poses_for,
                                  const std::optional<std::string>& frame) {
   const std::string &to = format, &from = from_format;
+  static_cast<void>(IsFolder(to));  // an unknown word is an error before anything is read
   const ColourCameras cameras = CamerasOf(colour_cameras);
   WorldChoice choice = ChoiceOf(origin, up, camera, poses_for, frame);
   std::vector<SensorPose> poses;

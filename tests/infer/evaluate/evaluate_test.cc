@@ -366,8 +366,8 @@ TEST(Measure, EachVariantIsAsIfItWereAlone) {
   StoredSegmenter segmenter = ring.rig.PerfectSegmenter();
   const std::vector<EvaluatedCase> cases = EvaluateCapture(ring.capture, TwoVariants(), segmenter);
   ASSERT_EQ(cases.size(), 2u);
-  EXPECT_EQ(cases[0].variant, "network");
-  EXPECT_EQ(cases[1].variant, "paper");
+  EXPECT_EQ(cases[0].variant, "auto");
+  EXPECT_EQ(cases[1].variant, "network");
   for (std::size_t i = 0; i < 2; ++i) {
     StoredSegmenter own = ring.rig.PerfectSegmenter();
     const CalibrationResult alone =

@@ -279,8 +279,7 @@ TEST(TableData, FilesHaveRowsAndColumnsInOrder) {
                   " 70.00% (5) | 16.33% (6) | 23.3% (7) | -12.50% (8) | 100.00% |",
                   "none (no model yet)"));
   EXPECT_TRUE(Has(FormatTableJson(data), "\"to_best\""));
-  EXPECT_TRUE(
-      Has(FormatTableCsv(data), "\"second\",\"a\",\"initial\",\"RMS\",\"d1\",2,0.03,0.01,"));
+  EXPECT_TRUE(Has(FormatTableCsv(data), "\nsecond,a,initial,RMS,d1,2,0.03,0.01,"));
 }
 
 }  // namespace
