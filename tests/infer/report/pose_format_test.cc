@@ -447,58 +447,32 @@ TEST_F(PosesTest, VolumetricCapturesOwnFile) {
   EXPECT_LT(pose.linear()(1, 0), -0.95);
 }
 
-/// LiveScan3D's LoadCalibration and what its StoreFrame makes of a point of the camera.
-Eigen::Vector3d LivescanPoint(const std::filesystem::path& file, const Eigen::Vector3d& camera) {
-  std::ifstream stream(file);
-  float t[3], r[3][3];
-  for (float& number : t) stream >> number;
-  for (auto& row : r) {
-    for (float& number : row) stream >> number;
-  }
-  int marker = -1;
-  bool calibrated = false;
-  stream >> marker >> calibrated;
-  EXPECT_TRUE(stream && calibrated) << file;
-  const Eigen::Vector3d p = camera + Eigen::Vector3d(t[0], t[1], t[2]);
-  return {r[0][0] * p.x() + r[0][1] * p.y() + r[0][2] * p.z(),
-          r[1][0] * p.x() + r[1][1] * p.y() + r[1][2] * p.z(),
-          r[2][0] * p.x() + r[2][1] * p.y() + r[2][2] * p.z()};
-}
-
-// The clouds of all sensors lie upon each other in LiveScan3D, in the structure frame: a Kinect
-// v2's, whose camera space has x to the left and y up, and an Azure Kinect's, whose points its SDK
-// gives in the frame of the colour camera.
-TEST_F(PosesTest, LivescanOverlaysTheClouds) {
-  const Eigen::Vector3d world(0.2, 0.7, -0.1);
-  for (const SensorPose& pose : poses_) {
-    const Eigen::Vector3d p = pose.structure_from_sensor.inverse() * world;
-    const std::string file = "calibration_" + pose.name + ".txt";
-    const Eigen::Vector3d kinect = LivescanPoint(Written("livescan3d_kinect_v2") / file,
-                                                 Eigen::Vector3d(-p.x(), -p.y(), p.z()));
-    EXPECT_LT((kinect - world).norm(), 1e-5) << pose.name;
-    const Eigen::Vector3d azure =
-        LivescanPoint(Written("livescan3d_azure") / file, ColourFromDepth() * p);
-    EXPECT_LT((azure - world).norm(), 1e-5) << pose.name;
-  }
-}
-
-// As LiveScan3D's SaveCalibration writes it: no blanks within the matrix.
+// As LiveScan3D's SaveCalibration writes it, T and R without blanks. Its StoreFrame takes a point p
+// of the camera to R (p + T): a Kinect v2's, whose camera space has x to the left and y up, or an
+// Azure Kinect's, whose points its SDK gives in the frame of the colour camera.
 TEST_F(PosesTest, LivescansOwnFile) {
   std::filesystem::create_directories(Path("livescan"));
   const auto write = [&](const std::string& text) {
     std::ofstream(Path("livescan") / "calibration_0001") << text;
   };
   write("0.1 -0.2 -1.5 \n0.8-0.6-0\n0.60.80\n001\n3\n1\n");
-  const auto read = [&] { return ReadPoses(Path("livescan"), "livescan3d_kinect_v2").at(0); };
+  const auto read = [&](const char* format = "livescan3d_kinect_v2") {
+    return ReadPoses(Path("livescan"), format, {{"0001", {ColourFromDepth(), std::nullopt}}}).at(0);
+  };
   EXPECT_THROW(read(), DataError);  // "001" ends one number too early, for LiveScan3D as well
   write(
       "0.1 -0.2 -1.5 "
       "\n0.9999970.002-0.001\n-0.0019990.9999980.000998\n0.001002-0.0009960.999999\n3\n1\n");
-  const SensorPose pose = read();
-  EXPECT_EQ(pose.name, "0001");
-  // The point at -T is the origin.
-  EXPECT_LT((pose.structure_from_sensor * Eigen::Vector3d(0.1, -0.2, 1.5)).norm(), 1e-5);
-  EXPECT_NEAR(pose.structure_from_sensor.linear()(0, 0), -0.999997, 1e-5);
+  EXPECT_EQ(read().name, "0001");
+  Eigen::Matrix3d r;
+  r << 0.999997, 0.002, -0.001, -0.001999, 0.999998, 0.000998, 0.001002, -0.000996, 0.999999;
+  const Eigen::Vector3d p(0.3, 0.5, 1.8), world = r * (p + Eigen::Vector3d(0.1, -0.2, -1.5));
+  const Eigen::Vector3d kinect =
+      read().structure_from_sensor * Eigen::Vector3d(-p.x(), -p.y(), p.z());
+  EXPECT_LT((kinect - world).norm(), 1e-5);
+  const Eigen::Vector3d azure =
+      read("livescan3d_azure").structure_from_sensor * (ColourFromDepth().inverse() * p);
+  EXPECT_LT((azure - world).norm(), 1e-5);
   write("0.1 -0.2 -1.5\n1 0 0\n0 1 0\n0 0 1\n3\n0\n");
   EXPECT_THROW(read(), DataError);  // not calibrated
   std::string later;

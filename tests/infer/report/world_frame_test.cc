@@ -170,30 +170,22 @@ TEST(WorldFrame, TheStructureInARobotsHand) {
 
 TEST(WorldFrame, CarriersThatDoNotServe) {
   RandomStream random(3, 0, "arm");
+  const auto refused = [](const Arm& arm, const CalibrationResult& result,
+                          std::initializer_list<std::string> words) {
+    ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },
+                             words);
+  };
   const Arm arm(Turns(), 0, 0, &random);
   CalibrationResult result = Captured(arm.first_from_placement, &random);
+  for (const std::size_t i : {1, 2, 4}) result.captures[i].sensors[0].structure_from_sensor.reset();
+  refused(arm, result, {"three captures"});
   result.captures.pop_back();
-  ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },
-                           {"5 poses", "4 captures"});
+  refused(arm, result, {"5 poses", "4 captures"});
   const Arm upright({{0, 0, 0}, {0, 1, 0}, {0, 2, 0}, {0, -1, 0}}, 0, 0, &random);
-  ExpectError<ConfigError>(
-      [&] {
-        FindWorldFrame(upright.observation, Captured(upright.first_from_placement, &random),
-                       PaperStructure());
-      },
-      {"two axes"});
+  refused(upright, Captured(upright.first_from_placement, &random), {"two axes"});
   // The axis of half a turn may have either sign.
   const Arm flipped({{0, 0, 0}, {M_PI, 0, 0}, {0, M_PI, 0}}, 0, 0, &random);
-  ExpectError<ConfigError>(
-      [&] {
-        FindWorldFrame(flipped.observation, Captured(flipped.first_from_placement, &random),
-                       PaperStructure());
-      },
-      {"10 to 170 degrees"});
-  result = Captured(arm.first_from_placement, &random);
-  for (const std::size_t i : {1, 2, 4}) result.captures[i].sensors[0].structure_from_sensor.reset();
-  ExpectError<ConfigError>([&] { FindWorldFrame(arm.observation, result, PaperStructure()); },
-                           {"three captures"});
+  refused(flipped, Captured(flipped.first_from_placement, &random), {"10 to 170 degrees"});
 }
 
 TEST(WorldFrame, APoseHasItsOwnSigmas) {
