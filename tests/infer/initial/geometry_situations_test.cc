@@ -226,39 +226,5 @@ TEST(WeighHypotheses, EachFactorSpeaksForWhatIsRight) {
   EXPECT_EQ(poses[0].by_labels, 0);
 }
 
-/// Labels that a network gives that takes the structure for the symmetry: those of the structure as
-/// seen from the moved pose, where the depths are the same.
-LabelImage LabelsAs(const Rig& rig, const LabelImage& seen, const Pose& motion) {
-  const SensorFrame& frame = rig.frames[0];
-  LabelImage labels =
-      CastView(rig.structure, ComputeRays(frame.intrinsics), motion * *frame.ground_truth).labels;
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    if (seen[i] == 0) labels[i] = 0;
-  }
-  return labels;
-}
-
-// Rendered ground truth: the pose that the frame was cast from. A wide picture cuts the stack off
-// at the top and the bottom.
-TEST(CompetingPoses, TheFloorRightsWhatTheNetworkTookForASymmetry) {
-  for (const double phi : {20.0, 250.0}) {
-    Rig rig{PaperStructure(), {}, {}};
-    rig.Add("S", RingPose(phi, 1.65, 0, 0, {-0.05, -0.1, 0}), {true, 3.0},
-            {320, 180, 230, 230, 159.5, 89.5, {}});
-    rig.frames[0].quarter_turns = kAutoTurns;
-    const LabelImage labels = rig.labels[0];
-    const std::vector<StructureSymmetry> symmetries = FindSymmetries(rig.structure);
-    for (std::size_t a = 0; a < symmetries.size() && symmetries[a].boxes >= 3; ++a) {
-      rig.labels[0] = LabelsAs(rig, labels, symmetries[a].motion);
-      const FrameResult sensor = CalibrateRig(rig).sensors.front();
-      ASSERT_TRUE(sensor.structure_from_sensor.has_value())
-          << phi << " " << a << ": " << ToString(sensor.code) << ", " << sensor.reason;
-      EXPECT_TRUE(Within(*sensor.error, 0.02, 1)) << phi << " " << a;
-      EXPECT_NE(sensor.code, SensorCode::kAmbiguous) << phi << " " << a;
-      EXPECT_GT(sensor.label_iou, 0.6) << phi << " " << a;
-    }
-  }
-}
-
 }  // namespace
 }  // namespace volalign::geometry_situations_test
