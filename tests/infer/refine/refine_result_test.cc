@@ -55,7 +55,7 @@ struct TwoCaptures {
     for (std::size_t i = 0; i < 4; ++i) {
       const double number = 1 + static_cast<double>(i);
       solution.state.offsets[i] = 0.001 * number;
-      agreed.measured[i] = {0.1 * number, 5};
+      agreed.measured[i] = {{0.1 * number, 5}, {}};
     }
     solution.state.errors[0][kGain] = 0.002;
     solution.state.errors[1][kGain] = -0.001;

@@ -90,25 +90,6 @@ TEST(Refine, FindsASensorsOwnFocalLengthBesideThatOfALensThatAllShare) {
   }
 }
 
-TEST(Refine, FiniteSidesKeepParallelSidesFromSliding) {
-  // Head on, every labelled side has one direction: infinite planes would leave the in-plane shift
-  // of 3 cm where it is.
-  Rig rig{PaperStructure(), {}, {}};
-  rig.Add("A", RingPose(90, 2.0, 0.35));
-  Restrict(rig.structure, &rig.labels[0],
-           [](const Side& side) { return side.face() == Face::kRight; });
-  const std::vector<SensorPoints> points = PointsOf(rig);
-  const Pose& truth = *rig.frames[0].ground_truth;
-  for (const Eigen::Vector3d& shift :
-       {Eigen::Vector3d(0.03, 0, 0), Eigen::Vector3d(-0.02, 0.02, 0)}) {
-    Pose start = truth;
-    start.translation() += shift;
-    const RefineResult result = Refine(rig.structure, {{Borrowed(points[0]), start}}, {});
-    // Half a pixel of silhouette.
-    EXPECT_TRUE(Within(ErrorOf(result.frames[0], rig, 0), 4e-3, 180));
-  }
-}
-
 TEST(Refine, FindsADepthOffset) {
   // 8 mm too far all over, in one sensor of eight: a step back explains its faces, but neither
   // silhouettes nor neighbours.
@@ -248,20 +229,11 @@ TEST(UnconstrainedDirections, AreNamed) {
             std::vector<std::string>{"along structure (0.71, 0.00, 0.71) (0.50 m)"});
 }
 
-bool IsBetween(double value, double low, double high) { return low < value && value < high; }
-
-/// How often the intervals of refined poses hold the truth.
-struct Coverage {
-  double share68 = 0, share95 = 0;  // of all six numbers of all poses
-  double misfit = 0;  // mean square of the errors in units of the covariance, by number
-};
-
-constexpr int kFrames = 40;
-
-/// Poses of single sensors all around, each with fresh smooth depth errors of 4 mm, 20 px long.
-/// With `build_and_depth`, each also sees another build and measures with another offset and gain,
-/// drawn from their priors, and estimates what it can.
-Coverage CoverSmoothErrors(bool build_and_depth) {
+/// Mean square of the errors of poses in units of their covariance, by number: of single sensors
+/// all around, each with fresh smooth depth errors of 4 mm, 20 px long. With `build_and_depth`,
+/// each also sees another build and measures with another offset and gain, drawn from their priors,
+/// and estimates what it can.
+double MisfitOfSmoothErrors(bool build_and_depth) {
   const Structure nominal = PaperStructure();
   RefineOptions options;
   options.bulge_sigma_m = 0;
@@ -271,7 +243,8 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
     options.box_sigma_m = options.box_sigma_deg = options.size_sigma_percent = 0;
     options.depth_gain_sigma_percent = options.depth_offset_sigma_m = 0;
   }
-  Coverage coverage;
+  constexpr int kFrames = 40;
+  double misfit = 0;
   for (int i = 0; i < kFrames; ++i) {
     const auto index = static_cast<std::size_t>(i);
     RandomStream random(7, index, "smooth error");
@@ -304,31 +277,24 @@ Coverage CoverSmoothErrors(bool build_and_depth) {
     const Eigen::LLT<Matrix6d> root(sensor.covariance);
     EXPECT_EQ(root.info(), Eigen::Success);
     const Vector6d delta = LeftDifference(sensor.structure_from_sensor, truth);
-    for (int k = 0; k < 6; ++k) {
-      const double z = std::abs(delta[k]) / std::sqrt(sensor.covariance(k, k));
-      coverage.share68 += (z <= 1) / (6.0 * kFrames);
-      coverage.share95 += (z <= 1.96) / (6.0 * kFrames);
-    }
-    coverage.misfit += delta.dot(root.solve(delta)) / (6.0 * kFrames);
+    misfit += delta.dot(root.solve(delta)) / (6.0 * kFrames);
   }
-  return coverage;
+  return misfit;
 }
 
-// A pose's six numbers are worth about three independent ones here, so that a share p of 240 strays
-// by sqrt(p (1 - p) / 120): 4 % for 68 %, 2 % for 95 %. Limits are two and a half of that.
+// A pose's six numbers are worth about three independent ones here, so that of 40 frames it strays
+// by sqrt(2 / 120), 13 %. Limits are two and a half of that.
 TEST(Refine, CovarianceCoversDepthErrorsAndThoseOfTheBuild) {
   // Too wide by a third: silhouettes have no errors here, and the model allows for some. Measured,
-  // four times as many frames: 87 %, 99 %, 0.62. Intervals that are right would pass as well.
-  const Coverage smooth = CoverSmoothErrors(false);
-  EXPECT_PRED3(IsBetween, smooth.share68, 0.58, 0.97);
-  EXPECT_GT(smooth.share95, 0.9);
-  EXPECT_PRED3(IsBetween, smooth.misfit, 0.43, 1.4);
-  // Errors here are always as large as the priors say, while the covariance allows for less: 64 %,
-  // 90 % and 1.31 of four times as many frames.
-  const Coverage all = CoverSmoothErrors(true);
-  EXPECT_PRED3(IsBetween, all.share68, 0.54, 0.79);
-  EXPECT_PRED3(IsBetween, all.share95, 0.85, 0.995);
-  EXPECT_PRED3(IsBetween, all.misfit, 0.7, 1.6);
+  // four times as many frames: 0.62. Intervals that are right would pass as well.
+  const double smooth = MisfitOfSmoothErrors(false);
+  EXPECT_GT(smooth, 0.43);
+  EXPECT_LT(smooth, 1.4);
+  // Errors here are always as large as the priors say, while the covariance allows for less: 1.31
+  // of four times as many frames.
+  const double all = MisfitOfSmoothErrors(true);
+  EXPECT_GT(all, 0.7);
+  EXPECT_LT(all, 1.6);
 }
 
 }  // namespace
