@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "core/base/random.h"
-#include "tests/core/base/expect_error.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/calib/calibrate_rig.h"
@@ -140,25 +139,6 @@ TEST(Calibrate, ARoomWithoutTheStructureFailsForEverySeed) {
                 sensor.code == SensorCode::kInconsistent ||
                 sensor.code == SensorCode::kDegenerateSides)
         << ToString(sensor.code);
-  }
-}
-
-TEST(Calibrate, WrongUnitsOfOneSensor) {
-  struct Case {
-    float factor;
-    const char *text, *hint;
-  };
-  // 200 um read as mm, mm as um.
-  for (const Case& c : {Case{5, "times too large", "set depth_scale to 0.0002; it is 0.001"},
-                        Case{0.001f, "times too small", "set depth_scale to 1; it is 0.001"}}) {
-    Rig rig = ThreeSensors();
-    for (float& z : rig.frames[1].depth) z *= c.factor;
-    const CalibrationResult result = CalibrateRig(rig);
-    EXPECT_EQ(result.sensors[1].status, SensorStatus::kFailed);
-    EXPECT_EQ(result.sensors[1].code, SensorCode::kWrongUnits);
-    EXPECT_TRUE(Has(result.sensors[1].reason, c.text));
-    EXPECT_EQ(result.sensors[1].hint, c.hint);
-    EXPECT_EQ(result.placed(), 2);
   }
 }
 

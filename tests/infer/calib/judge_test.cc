@@ -2,16 +2,24 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "infer/calib/calibrate.h"
+#include "infer/calib/check_request.h"
+#include "infer/calib/combine_captures.h"
+#include "infer/calib/joint_solution.h"
 #include "infer/calib/result.h"
 #include "infer/initial/pose_hypotheses.h"
 #include "infer/initial/symmetries.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/infer/checks/seen_with_labels.h"
+#include "tests/infer/initial/geometry_frames.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::judge_test {
@@ -76,17 +84,6 @@ TEST(Judge, EverySensorGetsWhatIsItsOwn) {
   EXPECT_EQ(result.pairs[0].b, "S2");
   EXPECT_EQ(result.placed(), 2);
   EXPECT_EQ(result.verdict(), SensorStatus::kFailed);
-}
-
-TEST(Judge, ASensorThatCouldNotBeSolvedIsWeak) {
-  Stages stages;
-  stages.Refined(2).solved = false;
-  stages.Refined(2).problem = "its solution is no number";
-  const CalibrationResult result = stages.Judge();
-  EXPECT_EQ(result.sensors[0].status, SensorStatus::kOk) << result.sensors[0].reason;
-  EXPECT_EQ(result.sensors[2].status, SensorStatus::kWeak);
-  EXPECT_EQ(result.sensors[2].code, SensorCode::kUnsolved);
-  EXPECT_EQ(result.sensors[2].reason, "its solution is no number");
 }
 
 TEST(Judge, NoSensorIsBelievedWhereMostOthersDoNotFindTheStack) {
@@ -181,6 +178,15 @@ TEST(Judge, APoseIsWeakByWhatIsItsOwn) {
   EXPECT_EQ(code([](Stages* stages) { stages->Refined(2).covariance *= 1000; }),
             SensorCode::kUncertain);
   EXPECT_EQ(code([](Stages* stages) {
+              stages->Refined(2).solved = false;
+              stages->Refined(2).problem = "its solution is no number";
+            }),
+            SensorCode::kUnsolved);
+  EXPECT_EQ(code([](Stages* stages) {
+              stages->Refined(2).structure_from_sensor = stages->Refined(0).structure_from_sensor;
+            }),
+            SensorCode::kSamePose);
+  EXPECT_EQ(code([](Stages* stages) {
               stages->joint.located[{0, 1}] = Finding{SensorCode::kNoDepth, "", ""};
               DepthImage& depth = stages->joint.seen.views[{0, 2}].depth;
               for (std::size_t i = 0; i < depth.size(); i += 4) depth[i] *= 1.1F;
@@ -268,15 +274,336 @@ TEST(Judge, ASensorThatDisagreesNamesTheOthersAndWhereTheyWouldHaveIt) {
   EXPECT_EQ(sensor.disagrees_with, std::vector<std::string>{"S0"});
 }
 
-TEST(Judge, SensorsInOnePlaceNameEachOther) {
-  Stages stages;
-  stages.Refined(2).structure_from_sensor = stages.Refined(0).structure_from_sensor;
-  const CalibrationResult result = stages.Judge();
-  for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
-    EXPECT_EQ(result.sensors[i].status, SensorStatus::kWeak);
-    EXPECT_EQ(result.sensors[i].code, SensorCode::kSamePose);
+/// Three sensors that see the structure from one place: two that geometry has located, of which the
+/// joint solution takes the second half a metre away, and one that a network has located, which it
+/// takes there as well.
+class Shapeless : public testing::Test {
+ protected:
+  void SetUp() override {
+    Pose away = truth_;
+    away.translation().x() += 0.5;
+    std::vector<SensorView> views;
+    std::vector<LocateResult> located;
+    for (const bool geometry : {true, true, false}) {
+      frames_[{0, views.size()}] = FrameInput();
+      views.push_back(See(structure_, truth_));
+      LocatedFrame frame;
+      if (geometry) frame.shape_log_odds = 1;
+      located.emplace_back(std::move(frame));
+    }
+    seen_.views = PerFrame<SensorView>({views});
+    located_ = PerFrame<LocateResult>({located});
+    refined_.placements.push_back({Pose::Identity(), {}, {}, structure_});
+    for (const Pose& pose : {truth_, away, away}) {
+      refined_.frames.emplace_back();
+      refined_.frames.back().structure_from_sensor = pose;
+    }
   }
-  EXPECT_TRUE(Has(result.sensors[0].reason, "where S2 stands"));
+
+  SomeFrames<Finding> Find() const { return FindShapeless(seen_, located_, frames_, refined_); }
+
+  const Structure structure_ = PaperStructure();
+  const Pose truth_ = RingPose(40);
+  Seen seen_;
+  PerFrame<LocateResult> located_;
+  SomeFrames<FrameInput> frames_;
+  RefineResult refined_;
+};
+
+TEST_F(Shapeless, IsASensorThatGeometryAloneLocated) {
+  const SomeFrames<Finding> found = Find();
+  ASSERT_EQ(found.size(), 1u);
+  EXPECT_EQ(found.at({0, 1}).code, SensorCode::kNoStructure);
+}
+
+// What was refined are the located frames alone.
+TEST_F(Shapeless, FramesThatAreNotLocatedHaveNoPose) {
+  located_[{0, 0}] = Finding();
+  frames_.erase({0, 0});
+  refined_.frames.erase(refined_.frames.begin());
+  refined_.frames[0].structure_from_sensor = truth_;
+  EXPECT_TRUE(Find().empty());
+}
+
+TEST(StandsStill, WhereAFrameMovesByLessThanItsPositionIsKnownTo) {
+  RefinedFrame refined;
+  for (const double sigma : {0.0001, 0.005}) {
+    refined.covariance = sigma * sigma * Matrix6d::Identity();
+    const double limit = std::max(0.002, sigma);
+    EXPECT_TRUE(StandsStill(0.9 * limit, refined)) << sigma;
+    EXPECT_FALSE(StandsStill(1.1 * limit, refined)) << sigma;
+    EXPECT_FALSE(StandsStill(std::nan(""), refined)) << sigma;
+  }
+}
+
+// Results of single captures, made by hand, and what they say together.
+
+Pose At(double x) { return MakePose({0, 0, 0}, {x, 0, 0}); }
+
+/// Captures of one sensor, one after the other.
+struct OneSensor {
+  std::vector<Capture> captures;
+  std::vector<CaptureResult> results;
+  SomeFrames<FrameSolution> frames;
+
+  void Add(FrameResult sensor) {
+    SensorFrame frame;
+    sensor.name = frame.name = "S";
+    captures.push_back({"capture " + std::to_string(captures.size()), {frame}});
+    CaptureResult result;
+    result.first_from_placement = At(0.1 * static_cast<double>(results.size()));
+    result.sensors.push_back(std::move(sensor));
+    results.push_back(std::move(result));
+  }
+  /// With its pose in the structure of the first capture.
+  void AddPlaced(FrameResult sensor, const Pose& first_from_sensor) {
+    RefinedFrame& refined = frames[{captures.size(), 0}].refined;
+    refined.solved = true;
+    refined.first_from_sensor = first_from_sensor;
+    sensor.structure_from_sensor = first_from_sensor;
+    Add(std::move(sensor));
+  }
+  FrameResult Combined() const {
+    const CalibrationResult result = CombineCaptures(CaptureSet(captures, {}), results, frames);
+    EXPECT_EQ(result.captures.size(), captures.size());
+    EXPECT_EQ(result.sensors.size(), 1u);
+    return result.sensors.front();
+  }
+};
+
+FrameResult Result(SensorStatus status, SensorCode code) {
+  FrameResult result;
+  result.status = status;
+  result.code = code;
+  result.reason = ToString(code);
+  return result;
+}
+
+TEST(CombineCaptures, FiguresAreWeighedByPoints) {
+  FrameResult weak = Result(SensorStatus::kWeak, SensorCode::kFewInliers);
+  weak.points = 100;
+  weak.inlier_share = 0.5;
+  weak.rms_to_structure_m = 0.003;
+  weak.depth_offset_m = 0.001;
+  weak.sides = {"bottom/front"};
+  FrameResult ok = Result(SensorStatus::kOk, SensorCode::kNone);
+  ok.points = 300;
+  ok.inlier_share = 0.9;
+  ok.rms_to_structure_m = 0.005;
+  ok.depth_offset_m = 0.002;
+  ok.sides = {"bottom/front", "bottom/back"};
+  FrameResult failed = Result(SensorStatus::kFailed, SensorCode::kNoStructure);
+  failed.points = 1000;
+  OneSensor made;
+  made.Add(failed);
+  made.AddPlaced(weak, At(2));
+  made.AddPlaced(ok, At(2));
+  const FrameResult sensor = made.Combined();
+  EXPECT_EQ(sensor.status, SensorStatus::kOk);
+  EXPECT_EQ(sensor.points, 400);
+  EXPECT_NEAR(sensor.inlier_share, 0.8, 1e-12);
+  EXPECT_NEAR(sensor.rms_to_structure_m, 0.001 * std::sqrt((9 + 3 * 25) / 4.0), 1e-12);
+  EXPECT_EQ(sensor.sides, (std::vector<std::string>{"bottom/back", "bottom/front"}));
+  EXPECT_EQ(sensor.depth_offset_m, 0.002) << "of the capture in which it is ok";
+}
+
+TEST(CombineCaptures, ASensorStandsWhereMostCapturesHaveIt) {
+  const FrameResult ok = Result(SensorStatus::kOk, SensorCode::kNone);
+  OneSensor made;
+  made.AddPlaced(ok, At(2.2));
+  made.AddPlaced(ok, At(2));
+  made.AddPlaced(ok, At(2.01));
+  EXPECT_NEAR(made.Combined().structure_from_sensor->translation().x(), 2, 1e-12);
+  made.frames.at({1, 0}).refined.refused_fit = RefusedFit();
+  EXPECT_NEAR(made.Combined().structure_from_sensor->translation().x(), 2.01, 1e-12)
+      << "the one that agrees with the others";
+}
+
+TEST(CombineCaptures, WhatIsWrongWithTheSensorShowsInOneCapture) {
+  OneSensor made;
+  made.AddPlaced(Result(SensorStatus::kOk, SensorCode::kNone), At(2));
+  made.AddPlaced(Result(SensorStatus::kWeak, SensorCode::kLabelsDisagree), At(2));
+  EXPECT_EQ(made.Combined().status, SensorStatus::kOk) << "what is wrong with one view";
+  made.AddPlaced(Result(SensorStatus::kWeak, SensorCode::kIntrinsicsSuspect), At(2));
+  const FrameResult sensor = made.Combined();
+  EXPECT_EQ(sensor.status, SensorStatus::kWeak);
+  EXPECT_EQ(sensor.code, SensorCode::kIntrinsicsSuspect);
+  EXPECT_EQ(sensor.reason, ToString(SensorCode::kIntrinsicsSuspect));
+}
+
+TEST(CombineCaptures, OfASensorThatIsPlacedInNoneTheMostTellingReason) {
+  OneSensor made;
+  made.Add(Result(SensorStatus::kFailed, SensorCode::kNoStructure));
+  made.Add(Result(SensorStatus::kFailed, SensorCode::kUnconnected));
+  const FrameResult sensor = made.Combined();
+  EXPECT_FALSE(sensor.structure_from_sensor);
+  EXPECT_EQ(sensor.status, SensorStatus::kFailed);
+  EXPECT_EQ(sensor.code, SensorCode::kUnconnected);
+}
+
+TEST(CombineCaptures, PairsAreOfTheCaptureWithMostOverlapAndInTheStructureOfTheFirst) {
+  OneSensor two;
+  two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
+  two.Add(Result(SensorStatus::kFailed, SensorCode::kNoDepth));
+  two.results[1].first_from_placement = Pose(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY()));
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal() << 1, 2, 3, 4, 5, 6;
+  two.results[0].pairs = {{"T", "S", 0.2}};
+  two.results[1].pairs = {{"S", "T", 0.5, 0.001, 0.002, covariance, 0.1, 2}};
+  const CalibrationResult result = CombineCaptures(CaptureSet(two.captures, {}), two.results, {});
+  ASSERT_EQ(result.pairs.size(), 1u);
+  covariance.diagonal() << 3, 2, 1, 6, 5, 4;
+  EXPECT_TRUE(result.pairs[0].covariance.isApprox(covariance, 1e-9));
+  EXPECT_EQ(result.pairs[0].sigma_m, 0.1);
+  EXPECT_EQ(result.pairs[0].predicted_rms_m, 0.002);
+}
+
+// S is absent from the first capture; T is in both, and its truths say where the structure stood in
+// the second.
+TEST(CombineCaptures, ComparesASensorThatIsAbsentFromTheFirstCaptureWithItsTruth) {
+  const auto frame = [](const std::string& name, double x) {
+    SensorFrame sensor;
+    sensor.name = name;
+    sensor.ground_truth = At(x);
+    return sensor;
+  };
+  const std::vector<Capture> captures = {{"first", {frame("T", 1)}},
+                                         {"second", {frame("T", 0.25), frame("S", 2)}}};
+  const CaptureSet input(captures, {});
+  std::vector<CaptureResult> results(2);
+  SomeFrames<FrameSolution> frames;
+  for (const FrameId id : input.sensor_of.Ids()) {
+    FrameResult sensor = Result(SensorStatus::kOk, SensorCode::kNone);
+    sensor.name = input[id].name;
+    sensor.structure_from_sensor = At(0);
+    frames[id].refined.first_from_sensor = At(sensor.name == "S" ? 2.85 : 1);
+    results[id.capture].sensors.push_back(sensor);
+  }
+  results[1].first_from_placement = At(0.75);
+  const CalibrationResult result = CombineCaptures(input, results, frames);
+  for (const FrameResult& sensor : result.sensors) {
+    ASSERT_TRUE(sensor.error) << sensor.name;
+    EXPECT_NEAR(sensor.error->translation_m, sensor.name == "S" ? 0.1 : 0, 1e-9) << sensor.name;
+  }
+}
+
+SensorFrame Frame(const std::string& name, float depth) {
+  SensorFrame frame;
+  frame.name = name;
+  frame.depth = DepthImage(4, 3, depth);
+  frame.intrinsics.width = 4;
+  frame.intrinsics.height = 3;
+  frame.intrinsics.fx = frame.intrinsics.fy = 5;
+  frame.sensor = "kind";
+  return frame;
+}
+
+/// Two sensors in two captures, as a calibration may have them.
+struct Request {
+  std::vector<Capture> captures{{"first", {Frame("A", 1), Frame("B", 2)}},
+                                {"second", {Frame("A", 3), Frame("B", 4)}}};
+  CalibrateOptions options;
+  bool model = true;
+
+  void Measure(std::size_t capture, std::size_t sensor, float depth) {
+    captures[capture].frames[sensor].depth = DepthImage(4, 3, depth);
+  }
+  SensorFrame& OfSecond(std::size_t sensor) { return captures[1].frames[sensor]; }
+  void Check() const { CheckRequest(captures, Structure(), options, model); }
+};
+
+TEST(CheckRequest, LetsThroughWhatCanBeCalibrated) {
+  const std::vector<std::function<void(Request*)>> changes = {
+      [](Request*) {},
+      [](Request* request) { request->captures.pop_back(); },
+      // A sensor may be absent from a capture, and each may see nothing at all there.
+      [](Request* request) { request->captures[1].frames.pop_back(); },
+      [](Request* request) {
+        for (const std::size_t capture : {0, 1}) request->Measure(capture, 0, 0);
+      },
+      // The same depth map of two sensors is found later, sensor by sensor.
+      [](Request* request) { request->Measure(0, 1, 1); },
+      [](Request* request) {
+        request->model = false;
+        request->options.initial.method = PoseMethod::kGeometry;
+      },
+      [](Request* request) { request->model = false; },
+  };
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    Request request;
+    changes[i](&request);
+    EXPECT_NO_THROW(request.Check()) << "case " << i;
+  }
+}
+
+TEST(CheckRequest, NamesWhatIsWrongWithTheFrames) {
+  struct Case {
+    std::function<void(Request*)> change;
+    std::vector<std::string> words;
+  };
+  const std::vector<Case> cases = {
+      {[](Request* request) { request->captures.clear(); }, {"no capture"}},
+      {[](Request* request) { request->captures[1].name = "first"; }, {"captures", "\"first\""}},
+      {[](Request* request) { request->OfSecond(1).name = "A"; }, {"sensors", "\"A\""}},
+      {[](Request* request) { request->OfSecond(1).intrinsics.fx = 6; },
+       {"\"B\"", "intrinsics", "first", "second"}},
+      {[](Request* request) { request->OfSecond(0).sensor = "other"; }, {"\"A\"", "kind"}},
+      {[](Request* request) {
+         request->OfSecond(0).prior = PosePrior{Pose::Identity(), PriorWorld::kStructure, 0.05, 3};
+         request->OfSecond(1).prior = PosePrior{Pose::Identity(), PriorWorld::kMetric, 0.05, 3};
+       },
+       {"\"A\"", "\"B\"", "different worlds"}},
+      {[](Request* request) {
+         request->OfSecond(0).prior = PosePrior{Pose::Identity(), PriorWorld::kStructure, 0, 3};
+       },
+       {"\"A\"", "standard deviation of 0"}},
+      {[](Request* request) {
+         request->OfSecond(1).prior = PosePrior{Pose::Identity(), PriorWorld::kMetric, 0.05, 1e9};
+       },
+       {"\"B\"", "standard deviation of 1"}},
+      {[](Request* request) { request->Measure(1, 1, 2); },
+       {"\"B\"", "same depth map", "first", "second"}},
+  };
+  for (const Case& c : cases) {
+    Request request;
+    c.change(&request);
+    const std::string message = ExpectError<DataError>([&] { request.Check(); });
+    for (const std::string& word : c.words) EXPECT_TRUE(Has(message, word));
+  }
+}
+
+// One measured pixel that is the same in both is enough to show something; one that differs is
+// enough to be another frame.
+TEST(CheckRequest, ComparesEveryPixel) {
+  Request request;
+  for (const std::size_t capture : {0, 1}) {
+    request.Measure(capture, 0, 0);
+    request.captures[capture].frames[0].depth(2, 1) = 1.5f;
+  }
+  ExpectError<DataError>([&] { request.Check(); });
+  request.OfSecond(0).depth(3, 2) = 1;
+  EXPECT_NO_THROW(request.Check());
+}
+
+TEST(CheckRequest, ComparesEveryTwoCaptures) {
+  Request request;
+  request.captures.push_back(request.captures[1]);
+  request.captures[2].name = "third";
+  ExpectError<DataError>([&] { request.Check(); }, {"in third as in second"});
+}
+
+TEST(CheckRequest, NamesWhatIsWrongWithTheOptions) {
+  Request request;
+  request.options.initial.method = PoseMethod::kNetwork;
+  EXPECT_NO_THROW(request.Check());
+  request.model = false;
+  ExpectError<ConfigError>([&] { request.Check(); }, {"no model"});
+  Request estimate;
+  estimate.options.refine.estimate = "boxes, weather";
+  ExpectError<ConfigError>([&] { estimate.Check(); }, {"weather"});
+  Request range;
+  range.options.threads = 0;
+  ExpectError<ConfigError>([&] { range.Check(); }, {"threads"});
 }
 
 }  // namespace
