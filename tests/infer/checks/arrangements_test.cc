@@ -14,6 +14,7 @@
 #include "infer/checks/free_space.h"
 #include "infer/checks/join.h"
 #include "tests/core/base/expect_error.h"
+#include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
 
 namespace volalign::arrangements_test {
@@ -150,12 +151,6 @@ struct Captures {
   }
 };
 
-void ExpectNear(const Pose& a, const Pose& b) {
-  const PoseError apart = ComparePoses(a, b);
-  EXPECT_LT(apart.translation_m, 0.05);
-  EXPECT_LT(apart.rotation_deg, 2);
-}
-
 TEST(JoinCaptures, AChainOfSensorsLeadsToEveryCapture) {
   // A and B see the stack first, then B and C, then C and D; E sees it with nobody.
   const std::map<std::string, Pose> sensors = {{"A", RingPose(0)},
@@ -176,9 +171,9 @@ TEST(JoinCaptures, AChainOfSensorsLeadsToEveryCapture) {
   }
   const std::vector<Pose> found = captures.Join();
   ASSERT_EQ(found.size(), 4u);
-  ExpectNear(found[0], Pose::Identity());
-  ExpectNear(found[1], places[2]);
-  ExpectNear(found[2], places[1]);
+  EXPECT_TRUE(Within(ComparePoses(found[0], Pose::Identity()), 0.05, 2));
+  EXPECT_TRUE(Within(ComparePoses(found[1], places[2]), 0.05, 2));
+  EXPECT_TRUE(Within(ComparePoses(found[2], places[1]), 0.05, 2));
   for (std::size_t s = 0; s < 3; ++s) {
     EXPECT_EQ(captures.Code(s, 0), SensorCode::kNone);
     EXPECT_EQ(captures.Code(s, 1), SensorCode::kNone);
@@ -199,7 +194,7 @@ TEST(JoinCaptures, MostSensorsOfACaptureDecide) {
       captures.Add(capture, std::string(1, static_cast<char>('A' + i)), pose);
     }
   }
-  ExpectNear(captures.Join()[1], place);
+  EXPECT_TRUE(Within(ComparePoses(captures.Join()[1], place), 0.05, 2));
   for (std::size_t i = 0; i < 4; ++i) {
     EXPECT_EQ(captures.Code(0, i), SensorCode::kNone);
     EXPECT_EQ(captures.Code(1, i), i == 3 ? SensorCode::kDisagrees : SensorCode::kNone) << i;
@@ -219,7 +214,7 @@ TEST(JoinCaptures, WhatIsOpenToDoubtGivesWay) {
       captures.Add(capture, "A", a, doubtful ? "turned" : "");
       captures.Add(capture, "B", at.inverse() * RingPose(80));
     }
-    ExpectNear(captures.Join()[1], place);
+    EXPECT_TRUE(Within(ComparePoses(captures.Join()[1], place), 0.05, 2));
     EXPECT_EQ(captures.Code(first_capture ? 0 : 1, 0), SensorCode::kDisagrees);
     EXPECT_EQ(captures.Code(first_capture ? 1 : 0, 0), SensorCode::kNone);
     EXPECT_EQ(captures.Code(0, 1), SensorCode::kNone);
