@@ -50,9 +50,8 @@ std::string MoveHint(const LabelImage& labels) {
   }
   static constexpr const char* kNames[] = {"left", "upper", "right", "lower"};
   return fmt::format(
-      "the {} border of its picture cuts the structure off: turn the sensor so that it sees what "
-      "is "
-      "beyond that border, or move it further away",
+      "the {} border of its stored picture cuts the structure off: turn the sensor so that it sees "
+      "what is beyond that border, or move it further away",
       kNames[cut.front()]);
 }
 

@@ -86,7 +86,8 @@ TEST(LocateAlone, ACutOffStructureSaysWhereToTurn) {
   const LocateResult result = Located(rig).Alone()[2];
   ASSERT_TRUE(std::holds_alternative<Finding>(result));
   EXPECT_EQ(std::get<Finding>(result).code, SensorCode::kDegenerateSides);
-  EXPECT_TRUE(Has(std::get<Finding>(result).hint, "border of its picture cuts the structure off"));
+  EXPECT_TRUE(
+      Has(std::get<Finding>(result).hint, "border of its stored picture cuts the structure off"));
 }
 
 TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
