@@ -25,7 +25,7 @@ LIMITS = {
     "infer/depth": 21,
     "infer/initial": 62,
     "infer/refine": 42,
-    "infer/checks": 23,
+    "infer/checks": 20,
     "core/geometry/depth_error_model": 0,
     "configs/intrinsics.yaml": 14,
 }

@@ -97,7 +97,7 @@ void AddSensor(py::module_& module) {
   AddIfPlaced<Pose>(&sensor, "initial", &FrameResult::initial,
                     "(4, 4) float64: the pose before the joint solution; None of a failed sensor.");
   AddMember(&sensor, "initial_source", &FrameResult::initial_source,
-            "\"network\", \"geometry\", \"neighbours\" or \"prior\".");
+            "\"network\", \"geometry\" or \"prior\".");
   AddMember(&sensor, "prior", &FrameResult::prior,
             "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.");
   AddMember(&sensor, "prior_used", &FrameResult::prior_used, "Do the frames not contradict it?");

@@ -9,7 +9,6 @@
 #include "core/base/parallel_for.h"
 #include "core/geometry/pose.h"
 #include "infer/checks/join.h"
-#include "infer/checks/neighbours.h"
 #include "infer/checks/verdict.h"
 #include "infer/checks/verification.h"
 #include "infer/initial/geometry_search.h"
@@ -46,8 +45,7 @@ Located Join(const Seen& seen, PerFrame<LocateResult> results) {
 
 Located Locate(const StackFinding& stack, const LocateOptions& options, Seen* seen) {
   PerFrame<LocateResult> alone = LocateAlone(*seen, stack, options);
-  PerFrame<LocateResult> by_priors = LocateByPriors(std::move(alone), options, seen);
-  return Join(*seen, LocateByNeighbours(*seen, std::move(by_priors), options));
+  return Join(*seen, LocateByPriors(std::move(alone), options, seen));
 }
 
 /// The located frames with the priors that count.

@@ -37,8 +37,8 @@ struct Joint {
 };
 
 /// Solves for all sensors together, in rounds of these steps, until nothing changes any more.
-/// Locate, once: each frame by itself, then with its prior, then by its neighbours, then where the
-/// stack stood in each capture. Refine: see Refine; it is linear in the lenses, about those that
+/// Locate, once: each frame by itself, then with its prior, then where the stack stood in each
+/// capture. Refine: see Refine; it is linear in the lenses, about those that
 /// planes gave. Label: the stack and poses that were found label the points anew. The origin of the
 /// first labels, a network or geometry, then makes little difference. Drop: a frame that geometry
 /// alone has located may move to where its view does not have the structure's shape (ShapeLogOdds).

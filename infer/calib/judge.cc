@@ -91,8 +91,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
     contradiction = {sensor->disagrees_with, ComparePoses(*sensor->together, pose)};
   const std::optional<Finding> weakness = FindWeakness(
       {*sensor, pose, sensor->covariance, refined.problem, contradiction,
-       joint.seen.depths[id].same_depth_as, suspect_lens, located.by_neighbours,
-       labelled.other_pose,
+       joint.seen.depths[id].same_depth_as, suspect_lens, labelled.other_pose,
        labelled.alternatives.empty() ? 0 : labelled.alternatives.front().log_odds,
        labelled.floor_would_tell, free_space_violation, frame.quarter_turns != kAutoTurns,
        located.shape_log_odds, WhatMoves(joint.report, joint.frames.at(id))},
@@ -174,10 +173,9 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
     if (labelled.initial.found) sensor.best_guess = labelled.initial.structure_from_sensor;
     return sensor;
   }
-  const auto& located = std::get<LocatedFrame>(joint->located[id]);
   const FrameSolution& solution = joint->frames.at(id);
-  TakeRefinement(solution.refined, located.InitialPoseOf(labelled.initial), &sensor);
-  sensor.initial_source = located.by_neighbours ? PoseSource::kNeighbours : labelled.source;
+  TakeRefinement(solution.refined, labelled.initial.structure_from_sensor, &sensor);
+  sensor.initial_source = labelled.source;
   if (const auto placed = joint->priors.find(id); placed != joint->priors.end()) {
     sensor.prior = joint->stacks[id.capture].first_from_placement.inverse() *
                    placed->second.prior.world_from_sensor;
@@ -188,52 +186,23 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   return sensor;
 }
 
-/// The pose of a located sensor that rests on others when the first of them in the set has its
-/// other pose.
-std::optional<SensorAlternative> FollowedAlternative(
-    const Joint& joint, FrameId id, const FrameResult& sensor,
-    const std::map<FrameId, SensorAlternative>& moved) {
-  const auto* located = std::get_if<LocatedFrame>(&joint.located[id]);
-  if (!located || !sensor.structure_from_sensor) return std::nullopt;
-  for (const FrameId other : located->rests_on) {
-    const auto found = moved.find(other);
-    if (found == moved.end()) continue;
-    const Pose motion = found->second.structure_from_sensor *
-                        joint.frames.at(other).refined.structure_from_sensor.inverse();
-    return SensorAlternative{sensor.name, 0, motion * *sensor.structure_from_sensor};
-  }
-  return std::nullopt;
-}
-
-/// The sets of poses that the capture's sensors may have instead, with sensors that rest on them.
-/// Those that kNamedOdds rule out are absent.
+/// The sets of poses that the capture's sensors may have instead. Those that kNamedOdds rule out
+/// are absent.
 std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t capture,
                                            const std::vector<FrameResult>& sensors) {
   std::map<int, RigAlternative> alternatives;
-  std::map<int, std::map<FrameId, SensorAlternative>> moved;
   for (std::size_t i = 0; i < sensors.size(); ++i) {
     if (!sensors[i].structure_from_sensor) continue;
     for (const PoseAlternative& alternative : joint.seen.labelled[{capture, i}].alternatives) {
       if (alternative.log_odds > std::log(kNamedOdds)) continue;
-      alternatives[alternative.rig].log_odds = alternative.log_odds;
-      moved[alternative.rig][{capture, i}] = {sensors[i].name, alternative.number,
-                                              alternative.structure_from_sensor};
+      RigAlternative& rig = alternatives[alternative.rig];
+      rig.log_odds = alternative.log_odds;
+      rig.sensors.push_back(
+          {sensors[i].name, alternative.number, alternative.structure_from_sensor});
     }
   }
   std::vector<RigAlternative> list;
-  for (auto& [rig, alternative] : alternatives) {
-    const std::map<FrameId, SensorAlternative>& of_rig = moved[rig];
-    for (std::size_t i = 0; i < sensors.size(); ++i) {
-      const FrameId id{capture, i};
-      const auto own = of_rig.find(id);
-      if (own != of_rig.end()) {
-        alternative.sensors.push_back(own->second);
-      } else if (const auto follows = FollowedAlternative(joint, id, sensors[i], of_rig)) {
-        alternative.sensors.push_back(*follows);
-      }
-    }
-    list.push_back(std::move(alternative));
-  }
+  for (auto& [rig, alternative] : alternatives) list.push_back(std::move(alternative));
   std::stable_sort(list.begin(), list.end(), [](const RigAlternative& a, const RigAlternative& b) {
     return a.log_odds < b.log_odds;
   });
@@ -244,8 +213,7 @@ std::vector<RigAlternative> AlternativesOf(const Joint& joint, std::size_t captu
 bool IsBelieved(const FrameResult& sensor) {
   const auto doubted = {SensorCode::kDuplicateDepth, SensorCode::kIntrinsicsSuspect,
                         SensorCode::kDisagrees,      SensorCode::kAmbiguous,
-                        SensorCode::kUnsolved,       SensorCode::kSamePose,
-                        SensorCode::kByNeighbours};
+                        SensorCode::kUnsolved,       SensorCode::kSamePose};
   return sensor.structure_from_sensor &&
          std::find(doubted.begin(), doubted.end(), sensor.code) == doubted.end();
 }

@@ -103,10 +103,9 @@ struct PairResult {
 /// A sensor in another set of the rig's poses.
 struct SensorAlternative {
   std::string name;
-  /// Number for `calibrate --choose NAME=NUMBER`; 0 for a sensor that follows others.
+  /// Number for `calibrate --choose NAME=NUMBER`.
   int number = 0;
-  /// The candidate before refinement; for a sensor that rests on others (by_neighbours), its pose
-  /// if it follows them.
+  /// The candidate before refinement.
   Pose structure_from_sensor = Pose::Identity();
 };
 

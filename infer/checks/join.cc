@@ -43,7 +43,7 @@ std::vector<Sighting> SightingsIn(const Seen& seen, const PerFrame<LocateResult>
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
-    const bool doubtful = !seen.labelled[id].other_pose.empty() || located->by_neighbours;
+    const bool doubtful = !seen.labelled[id].other_pose.empty();
     all.push_back({id, seen.input->sensor_of[id], located->own_pose, doubtful ? kOpenToDoubt : 1});
   }
   return all;

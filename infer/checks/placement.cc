@@ -81,6 +81,18 @@ Finding UpUnknown(const Labelled& labelled) {
       "its quarter_turns"};
 }
 
+/// Points of a frame for the refinement, with these labels.
+std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
+                                             const SegmentationResult& segmentation,
+                                             const LocateOptions& options) {
+  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.input->structure,
+                                     options.refine, kLeastConfidence);
+  points.cloud = seen.clouds[id];
+  points.intrinsics = seen.lenses.Effective(id);
+  points.lens = seen.lenses.ChangeOf(id);
+  return std::make_shared<const SensorPoints>(std::move(points));
+}
+
 /// The own pose, refined first with the frame's labels and then with those that it implies. The
 /// first labels do not end exactly at the sides' borders.
 OwnPose RefineTwice(const Seen& seen, FrameId id, const Labelled& labelled,
@@ -157,17 +169,6 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
 }
 
 }  // namespace
-
-std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
-                                             const SegmentationResult& segmentation,
-                                             const LocateOptions& options) {
-  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.input->structure,
-                                     options.refine, kLeastConfidence);
-  points.cloud = seen.clouds[id];
-  points.intrinsics = seen.lenses.Effective(id);
-  points.lens = seen.lenses.ChangeOf(id);
-  return std::make_shared<const SensorPoints>(std::move(points));
-}
 
 std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,

@@ -31,21 +31,14 @@ struct Seen {
   PerFrame<SampledCloud> clouds;  ///< SampleCloud of each view; needed from LocateAlone on
 };
 
-/// A frame whose pose its own view fixes, alone or together with its neighbours' views.
+/// A frame whose pose its own view fixes, alone or together with its prior.
 struct LocatedFrame {
-  Pose own_pose = Pose::Identity();  ///< refined alone, or with its neighbours where it needs them
+  Pose own_pose = Pose::Identity();            ///< refined alone
   std::shared_ptr<const SensorPoints> points;  ///< labelled by the own pose
   /// ShapeLogOdds, if geometry alone has found the pose.
   std::optional<double> shape_log_odds;
-  std::optional<Finding> by_neighbours;  ///< set where the sensor needs them, see neighbours.h
-  std::vector<FrameId> rests_on;         ///< those neighbours; it shares most points with the first
-  /// Covariance of own_pose, see RefinedFrame::covariance. Zero if neighbours or a prior helped.
+  /// Covariance of own_pose, see RefinedFrame::covariance. Zero if a prior helped.
   Matrix6d covariance = Matrix6d::Zero();
-
-  /// The frame's initial pose; own_pose where its own view leaves the initial pose open.
-  const Pose& InitialPoseOf(const InitialPose& initial) const {
-    return by_neighbours ? own_pose : initial.structure_from_sensor;
-  }
 };
 
 /// A located frame, or why it is not.
@@ -57,11 +50,7 @@ struct LocateOptions {
   int threads = 1;
 };
 
-/// Points of a frame for the refinement. PointsOf uses these labels, PointsAt those that
-/// `structure` has at `pose`.
-std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
-                                             const SegmentationResult& segmentation,
-                                             const LocateOptions& options);
+/// Points of a frame for the refinement, with the labels that `structure` has at `pose`.
 std::shared_ptr<const SensorPoints> PointsAt(const Seen& seen, FrameId id,
                                              const Structure& structure, const Pose& pose,
                                              const LocateOptions& options);

@@ -68,7 +68,6 @@ std::optional<Finding> FindWeakness(const VerdictFacts& facts, const VerdictOpti
                    "check which of the two it belongs to"};
   }
   if (facts.suspect_lens) return facts.suspect_lens;
-  if (facts.by_neighbours) return facts.by_neighbours;
   if (!facts.other_pose.empty()) {
     const std::string fits = fmt::format("its view fits the structure about as well {} (odds {})",
                                          facts.other_pose, FormatOdds(facts.log_odds));

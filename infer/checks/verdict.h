@@ -48,9 +48,14 @@ struct VerdictOptions {
        Fixed("intrinsics.min_score", 0.8), Fixed("intrinsics.min_gain", 0.08),
        Fixed("intrinsics.min_change", 0.05), Fixed("lens.min_sigmas", 4),
        Fixed("lens.min_bend_m", 0.008), Fixed("lens.max_focal_sigmas", 2.5),
-       Fixed("refuting_odds", kDecisiveOdds), Fixed("max_sigma_by_neighbours_m", kRoughPose),
-       Fixed("max_sigma_by_neighbours_deg", 2), Fixed("same_place_m", kSamePlace),
-       Fixed("same_direction_deg", 2), Fixed("weak_label_iou", 0.5));
+       Fixed("refuting_odds", kDecisiveOdds),
+       Removed("max_sigma_by_neighbours_m", "a known pose places such a sensor; leave the key out",
+               std::vector<std::string>{"0.03"}),
+       Removed("max_sigma_by_neighbours_deg",
+               "a known pose places such a sensor; leave the key out",
+               std::vector<std::string>{"2"}),
+       Fixed("same_place_m", kSamePlace), Fixed("same_direction_deg", 2),
+       Fixed("weak_label_iou", 0.5));
   }
 };
 
@@ -69,7 +74,6 @@ struct VerdictFacts {
   std::optional<ContradictedSensors> contradiction;  ///< of other sensors
   std::string same_depth_as;                         ///< a sensor with the same depth map, or empty
   std::optional<Finding> suspect_lens;               ///< where flat surfaces look bent
-  std::optional<Finding> by_neighbours;              ///< LocatedFrame::by_neighbours
   std::string other_pose;                            ///< Labelled::other_pose
   double log_odds = 0;                               ///< of the pose against that one, natural
   bool floor_would_tell = true;                      ///< Labelled::floor_would_tell

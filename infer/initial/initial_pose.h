@@ -20,8 +20,8 @@ constexpr Words<PoseMethod, 3> WordsOf(PoseMethod) {
            {"geometry", PoseMethod::kGeometry}}};
 }
 
-/// Source of an initial pose: the network's labels, the structure's geometry, the other sensors, or
-/// a prior.
+/// Source of an initial pose: the network's labels, the structure's geometry, or a prior. The other
+/// sensors were one in older calibrations.
 enum class PoseSource { kNetwork, kGeometry, kNeighbours, kPrior };
 constexpr Words<PoseSource, 4> WordsOf(PoseSource) {
   return {{{"network", PoseSource::kNetwork},

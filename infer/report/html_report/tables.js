@@ -123,7 +123,7 @@ function fillSensorTable(report) {
     { head: "Inliers", unit: `%; ≥ ${fixed(100 * limits.inlier_share, 0)}`, meaning: "share of labelled points within three standard deviations of the depth’s error, and within 1.5 cm, of the stack", of: placed((s) => fixed(100 * s.inlier_share, 0)), over: (s) => s.inlier_share < limits.inlier_share },
     { head: "Sides", unit: "found", meaning: "number of the stack’s sides that were found and agree with the pose", of: placed((s) => String((s.sides || []).length)) },
     { head: "Points", unit: "labelled", meaning: "number of pixels that are labelled as a side of the stack", of: placed((s) => String(s.points)) },
-    { head: "Initial pose", unit: "from", words: true, meaning: "source of the initial pose: the network, the stack’s geometry, the neighbours, or a prior", of: placed((s) => s.initial_source) }];
+    { head: "Initial pose", unit: "from", words: true, meaning: "source of the initial pose: the network, the stack’s geometry, or a prior", of: placed((s) => s.initial_source) }];
   if (all.some((sensor) => sensor.error)) {
     columns.push({ head: "Error", unit: "mm", meaning: "distance of the position from the capture’s ground truth", of: (s) => mm(s.error && s.error.translation_m) },
       { head: "Error", unit: "deg", meaning: "angle between the rotation and the capture’s ground truth", of: (s) => fixed(s.error && s.error.rotation_deg, 3) });

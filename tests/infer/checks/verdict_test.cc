@@ -64,11 +64,6 @@ TEST(FindWeakness, EachLimitHasItsCodeAndTheMostTellingComesFirst) {
        "it and S2 cannot both be right: one of the two looks through 12 %"},
       {SensorCode::kAmbiguous, [](VerdictFacts* e) { e->other_pose = "upside down"; },
        "upside down"},
-      {SensorCode::kByNeighbours,
-       [](VerdictFacts* e) {
-         e->by_neighbours = Finding{SensorCode::kByNeighbours, "shared with S2", "more sides"};
-       },
-       "shared with S2"},
       {SensorCode::kDuplicateDepth, [](VerdictFacts* e) { e->same_depth_as = "KA04"; }, "KA04"},
       {SensorCode::kUnsolved, [](VerdictFacts* e) { e->unsolved = "no solution"; }, "no solution"},
   };
