@@ -1,13 +1,17 @@
 #pragma once
 
 #include <string>
-#include <vector>
+
+#include "core/config/config_word.h"
 
 namespace volalign {
 
 enum class SensorStatus { kOk, kWeak, kFailed };
-const char* ToString(SensorStatus status);  ///< "ok", "weak", "failed"
-std::vector<SensorStatus> AllOf(SensorStatus);
+constexpr Words<SensorStatus, 3> WordsOf(SensorStatus) {
+  return {{{"ok", SensorStatus::kOk},
+           {"weak", SensorStatus::kWeak},
+           {"failed", SensorStatus::kFailed}}};
+}
 
 /// Reasons why a sensor is failed or weak.
 enum class SensorCode {
@@ -36,7 +40,7 @@ enum class SensorCode {
   kUnsolved,
   kUnsettled,
   kSamePose,
-  kByNeighbours,
+  kByNeighbours,  ///< of older calibrations alone
   kFewInliers,
   kLargeResidual,
   kLabelsDisagree,
@@ -44,9 +48,39 @@ enum class SensorCode {
   kUncertain,
   kTypicalIntrinsics
 };
-/// The word in files and reports: "no_depth", "assembly_mirrored", ...; "" for kNone.
-const char* ToString(SensorCode code);
-std::vector<SensorCode> AllOf(SensorCode);
+constexpr Words<SensorCode, 29> WordsOf(SensorCode) {
+  return {{
+      {"", SensorCode::kNone},
+      {"no_depth", SensorCode::kNoDepth},
+      {"wrong_units", SensorCode::kWrongUnits},
+      {"no_structure", SensorCode::kNoStructure},
+      {"degenerate_sides", SensorCode::kDegenerateSides},
+      {"inconsistent", SensorCode::kInconsistent},
+      {"assembly_mirrored", SensorCode::kAssemblyMirrored},
+      {"assembly_turned", SensorCode::kAssemblyTurned},
+      {"assembly_swapped", SensorCode::kAssemblySwapped},
+      {"assembly_missing", SensorCode::kAssemblyMissing},
+      {"assembly_shifted", SensorCode::kAssemblyShifted},
+      {"assembly_height", SensorCode::kAssemblyHeight},
+      {"frame_mirrored", SensorCode::kFrameMirrored},
+      {"unconnected", SensorCode::kUnconnected},
+      {"duplicate_depth", SensorCode::kDuplicateDepth},
+      {"intrinsics_suspect", SensorCode::kIntrinsicsSuspect},
+      {"disagrees", SensorCode::kDisagrees},
+      {"ambiguous", SensorCode::kAmbiguous},
+      {"not_finite", SensorCode::kNotFinite},
+      {"unsolved", SensorCode::kUnsolved},
+      {"unsettled", SensorCode::kUnsettled},
+      {"same_pose", SensorCode::kSamePose},
+      {"by_neighbours", SensorCode::kByNeighbours},
+      {"few_inliers", SensorCode::kFewInliers},
+      {"large_residual", SensorCode::kLargeResidual},
+      {"labels_disagree", SensorCode::kLabelsDisagree},
+      {"lens_suspect", SensorCode::kLensSuspect},
+      {"uncertain", SensorCode::kUncertain},
+      {"typical_intrinsics", SensorCode::kTypicalIntrinsics},
+  }};
+}
 
 /// The reason why a sensor has no pose, or a doubt about its pose.
 struct Finding {

@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "core/base/odds.h"
-#include "core/config/config_word.h"
 #include "core/geometry/visibility.h"
 #include "infer/checks/verdict.h"
 #include "infer/view/alike.h"
@@ -19,17 +18,6 @@
 namespace volalign {
 
 namespace {
-
-constexpr Words<RigCode, 8> kRigCodes = {{
-    {"size_off", RigCode::kSizeOff},
-    {"box_off", RigCode::kBoxOff},
-    {"depth_off", RigCode::kDepthOff},
-    {"pair_apart", RigCode::kPairApart},
-    {"files_exchanged", RigCode::kFilesExchanged},
-    {"depth_scale", RigCode::kDepthScale},
-    {"prior_off", RigCode::kPriorOff},
-    {"structure_assumed", RigCode::kStructureAssumed},
-}};
 
 using Kind = RefinedQuantity::Kind;
 
@@ -125,10 +113,6 @@ RigFinding Explain(const RefinedQuantity& quantity, const std::string& name) {
 }
 
 }  // namespace
-
-const char* ToString(RigCode code) { return WordOf(kRigCodes, code); }
-
-std::vector<RigCode> AllOf(RigCode) { return ValuesOf(kRigCodes); }
 
 std::vector<RigFinding> ExplainQuantities(const RefineResult& refined,
                                           const std::vector<std::string>& sensors,

@@ -4,6 +4,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/config/config_word.h"
 #include "core/geometry/structure.h"
 #include "infer/refine/refine.h"
 #include "infer/view/sensor_view.h"
@@ -21,9 +22,18 @@ enum class RigCode {
   kPriorOff,         ///< frames contradict what was known of poses beforehand
   kStructureAssumed  ///< no structure was given, and few sensors see the one that is assumed
 };
-/// The word in files and reports: "size_off", "box_off", and so on.
-const char* ToString(RigCode code);
-std::vector<RigCode> AllOf(RigCode);
+constexpr Words<RigCode, 8> WordsOf(RigCode) {
+  return {{
+      {"size_off", RigCode::kSizeOff},
+      {"box_off", RigCode::kBoxOff},
+      {"depth_off", RigCode::kDepthOff},
+      {"pair_apart", RigCode::kPairApart},
+      {"files_exchanged", RigCode::kFilesExchanged},
+      {"depth_scale", RigCode::kDepthScale},
+      {"prior_off", RigCode::kPriorOff},
+      {"structure_assumed", RigCode::kStructureAssumed},
+  }};
+}
 
 struct RigFinding {
   RigCode code = RigCode::kSizeOff;

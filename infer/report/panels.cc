@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "core/base/noise_fields.h"
+#include "core/base/statistics.h"
 #include "core/geometry/visibility.h"
 #include "core/plot/picture.h"
 #include "core/plot/picture_text.h"
@@ -34,12 +35,7 @@ std::pair<double, double> DepthRange(const DepthImage& depth) {
   std::copy_if(depth.begin(), depth.end(), std::back_inserter(values),
                [](float z) { return z > 0; });
   if (values.empty()) return {0.5, 5.0};
-  const auto at = [&](std::size_t i) {
-    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(i), values.end());
-    return static_cast<double>(values[i]);
-  };
-  const std::size_t last = values.size() - 1;
-  const double low = at(last / 50), high = at(last - last / 50);
+  const double low = Quantile(values, 0.02), high = Quantile(values, 0.98);
   return {low, std::max(high, low + 0.1)};
 }
 
