@@ -34,9 +34,9 @@ enum class SensorCode {
   kDuplicateDepth,
   kIntrinsicsSuspect,
   kDisagrees,
-  kAmbiguous,
   kNotFinite,  ///< the solver left numbers that are not finite
   // Weak: the sensor has a pose to be used with care.
+  kAmbiguous,
   kUnsolved,
   kUnsettled,
   kSamePose,

@@ -70,17 +70,6 @@ bool Contains(const std::vector<std::size_t>& frames, std::size_t frame) {
   return std::find(frames.begin(), frames.end(), frame) != frames.end();
 }
 
-Finding UpUnknown(const Labelled& labelled) {
-  return {
-      SensorCode::kAmbiguous,
-      fmt::format(
-          "its view fits the structure about as well {}. Nothing shows which is right: it sees no "
-          "floor and nothing that another sensor sees, and no other sensor is mounted like it",
-          labelled.other_pose),
-      "let it see the floor under the structure, mount it as the others are mounted, or give "
-      "its quarter_turns"};
-}
-
 /// Points of a frame for the refinement, with these labels.
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
@@ -127,7 +116,6 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
     located.shape_log_odds = ShapeLogOdds(view, structure, pose);
     if (!located.shape_log_odds) return ExplainMissingShape();
   }
-  if (labelled.up_unknown) return UpUnknown(labelled);
 
   located.own_pose = pose;
   located.covariance = own.covariance;
@@ -138,7 +126,7 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
 /// Can a prior place a frame with this finding?
 bool IsOpen(const Finding& finding) {
   return finding.code == SensorCode::kDegenerateSides || finding.code == SensorCode::kNoStructure ||
-         finding.code == SensorCode::kInconsistent || finding.code == SensorCode::kAmbiguous;
+         finding.code == SensorCode::kInconsistent;
 }
 
 /// The frame at the pose that its prior has, with the labels that follow; nothing if its view does

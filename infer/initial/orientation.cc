@@ -150,7 +150,6 @@ SensorHypotheses HypothesesOf(const LabelContext& context, const LabelRequest& f
 Labelled TakePose(const LabelContext& context, const LabelRequest& from,
                   const Labellings& labellings, const PoseChoice& choice) {
   Labelled out;
-  out.up_unknown = choice.up_unknown;
   out.alternatives = choice.alternatives;
   out.given = choice.given;
   const Hypothesis& best = choice.best;

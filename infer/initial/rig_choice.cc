@@ -30,10 +30,9 @@ const double kDecides = std::log(kDecisiveOdds), kTells = kDecides / 2,
 /// For each sensor the index of its option; -1: it has none, or any.
 using Choice = std::vector<int>;
 
-/// The terms that count. kFit: the evidence alone. kOrientation: also the network's orientation,
-/// but no floor that does not decide. kAll: also every floor, and labels that tell up from down. A
-/// choice by more than evidence is ambiguous.
-enum class Count { kFit, kOrientation, kAll };
+/// The terms that count. kFit: the evidence alone. kAll: also the network's orientation, and labels
+/// that tell up from down. A choice by more than evidence is ambiguous.
+enum class Count { kFit, kAll };
 
 /// Hypotheses that are not about the same pose. Each stands for all that are about its pose, with
 /// the most evidence of any. Those of a labelling's own pose are kept, then the first.
@@ -114,42 +113,6 @@ class Rig {
       best = std::move(choice);
     }
     return best;
-  }
-  double BestScore(const Choice& fixed, Count count) { return Score(Best(fixed, count), count); }
-
-  /// The sensor with which open ones are compared. It is preferably unambiguous, then mounted like
-  /// most, then in the network's orientation.
-  std::size_t Anchor(const Choice& choice, const std::vector<PoseChoice>& choices) const {
-    const auto rank = [&](std::size_t i) {
-      int alike = 0;
-      for (std::size_t j = 0; j < size(); ++j)
-        alike += choice[j] >= 0 && UprightOf(j, choice[j]) == UprightOf(i, choice[i]);
-      return std::make_tuple(!choices[i].ambiguous(), alike, OptionOf(i, choice[i]).turns == 0);
-    };
-    std::size_t anchor = size();
-    for (std::size_t i = 0; i < size(); ++i) {
-      if (choice[i] >= 0 && (anchor == size() || rank(i) > rank(anchor))) anchor = i;
-    }
-    return anchor;
-  }
-
-  /// Could the sensor as well be turned over while those on the anchor's axis are not? False for a
-  /// sensor whose picture stands on the anchor's axis itself.
-  bool IsUpUnknown(std::size_t i, std::size_t anchor, const Choice& choice) {
-    const auto axis = [&](std::size_t j) { return UprightOf(j, choice[j]) % 2; };
-    if (axis(i) == axis(anchor)) return false;
-    Choice fixed(size(), -1);
-    for (std::size_t j = 0; j < size(); ++j) {
-      if (choice[j] >= 0 && axis(j) == axis(anchor)) fixed[j] = choice[j];
-    }
-    fixed[i] = choice[i];
-    const double score = BestScore(fixed, Count::kOrientation);
-    for (int k = 0; k < static_cast<int>(options_[i].size()); ++k) {
-      if (!TurnsOver(PoseOf(i, choice[i]), PoseOf(i, k))) continue;
-      fixed[i] = k;
-      if (BestScore(fixed, Count::kOrientation) > score - kTells / 2) return true;
-    }
-    return false;
   }
 
  private:
@@ -238,13 +201,13 @@ class Rig {
     double score = 0;
     // Poses that are a centimetre off differ by less, and in a large rig that would add up.
     if (fit >= kTells) score -= fit;
-    if (floor >= kDecides || count != Count::kOrientation) score -= floor;
+    score -= floor;
     if (!TurnsOver(named->structure_from_sensor, option.structure_from_sensor)) {
       score -= labels;
     } else if (count == Count::kAll) {
       score -= std::min(labels, kTells);
     }
-    if (option.turns != 0 && count != Count::kFit) score -= kTells;
+    if (option.turns != 0 && count == Count::kAll) score -= kTells;
     return score;
   }
 
@@ -411,10 +374,6 @@ std::vector<PoseChoice> ChooseTogether(const std::vector<SensorHypotheses>& sens
     }
     choice.given = fixed[i] >= 0;
   }
-  const std::size_t anchor = rig.Anchor(best, choices);
-  for (std::size_t i = 0; i < rig.size(); ++i)
-    choices[i].up_unknown =
-        i != anchor && choices[i].ambiguous() && rig.IsUpUnknown(i, anchor, best);
   return choices;
 }
 

@@ -25,9 +25,7 @@ struct SensorHypotheses {
 
 struct PoseChoice {
   bool found = false;
-  Hypothesis best;  ///< about the chosen pose, a labelling's own if there is one
-  /// The sensor may be upside down or not, and one of both contradicts the other sensors.
-  bool up_unknown = false;
+  Hypothesis best;     ///< about the chosen pose, a labelling's own if there is one
   bool given = false;  ///< a person has chosen the pose, see SensorHypotheses::chosen
   std::vector<PoseAlternative> alternatives;  ///< the most probable first
 
@@ -50,8 +48,7 @@ struct PoseChoice {
 /// than 1 to kDecisiveOdds. A sensor's depths and outline count from odds of its square root on, so
 /// that small differences in many views do not add up. Labels that prefer a pose to the same one
 /// upside down decide which is taken, but leave the sensor ambiguous. So does a single other sensor
-/// that is mounted alike. A sensor's up is unknown where nothing, not even the network's
-/// orientation, tells whether it is upside down as the others stand. PoseAlternative lists every
+/// that is mounted alike. PoseAlternative lists every
 /// set of poses that is the best in which some sensor has another pose than the chosen one.
 std::vector<PoseChoice> ChooseTogether(const std::vector<SensorHypotheses>& sensors,
                                        const Structure& structure);

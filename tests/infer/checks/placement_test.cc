@@ -108,17 +108,6 @@ TEST(LocateAlone, NoSensorIsPlacedInAStackThatIsBuiltOtherwise) {
   }
 }
 
-TEST(LocateAlone, NoSensorIsPlacedWhoseUpIsUnknown) {
-  Located frames(NarrowRig());
-  frames.seen.labelled[{0, 0}].up_unknown = true;
-  const LocateResult result = frames.Alone()[0];
-  const auto* finding = std::get_if<Finding>(&result);
-  ASSERT_NE(finding, nullptr);
-  EXPECT_EQ(finding->code, SensorCode::kAmbiguous);
-  EXPECT_TRUE(Has(finding->reason, "Nothing shows which is right"));
-  EXPECT_TRUE(Has(finding->hint, "quarter_turns"));
-}
-
 TEST(FramesToRefine, AreTheLocatedOnes) {
   Located frames(NarrowRig());
   std::vector<LocateResult> results = frames.Alone();
