@@ -10,9 +10,9 @@ KINECT, D415 = "azure_kinect_nfov_binned", "realsense_d415"
 
 
 def run(*command):
-    """What a command prints, which may end with 2: a sensor has failed."""
+    """What a command prints, which may end with 2: a sensor has failed, or 3: one has moved."""
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-    if done.returncode not in (0, 2):
+    if done.returncode not in (0, 2, 3):
         sys.exit(f"{' '.join(map(str, command))}\n{done.stderr}")
     return done.stdout
 
