@@ -17,6 +17,14 @@ def run(*command):
     return done.stdout
 
 
+def short_training(program, folder, steps, batch, settings):
+    """The command of that many training steps on pictures of a D415, without validation or checkpoints on the way."""
+    values = {"data.image_sizes": "[320x180]", "data.sensors": "[realsense_d415]", "run.batch_size": batch, "run.samples": steps * batch, "run.validation_samples": 0,
+              "run.checkpoint_every": 10**9, "run.tensorboard": "false", "optim.warmup_samples": batch, **settings}
+    assignments = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+    return [program, "train", "--config", "configs/m05-lite.yaml", "-o", folder, *assignments]
+
+
 def table(heading, rows):
     """Markdown."""
     lines = ["| " + " | ".join(map(str, row)) + " |" for row in [heading, *rows]]

@@ -1,11 +1,10 @@
 """The network of core/nn/network.h, its loss and its step, as one writes them in PyTorch: the contestant of training_step.py.
 
-As a program it serves training_step.py: for each line of its standard input it takes one training step and prints its times, s, as
-`forward loss backward optimiser`.
+As a program it serves training_step.py: it takes training steps and prints a line of JSON for each, with its times, s, as in metrics.jsonl.
 """
 
 import argparse
-import sys
+import json
 import time
 
 import torch
@@ -14,15 +13,10 @@ from torch import nn
 
 
 class ConvUnit(nn.Module):
-    def __init__(self, inputs, outputs, kernel, normalization):
+    def __init__(self, inputs, outputs, kernel, normalized=True):
         super().__init__()
-        self.conv = nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=normalization == "none")
-        self.norm = nn.Identity()
-        if normalization == "batch":
-            self.norm = nn.BatchNorm2d(outputs)
-        if normalization == "group":
-            groups = next(g for g in (8, 4, 2, 1) if outputs % g == 0)
-            self.norm = nn.GroupNorm(groups, outputs)
+        self.conv = nn.Conv2d(inputs, outputs, kernel, padding=kernel // 2, bias=not normalized)
+        self.norm = nn.BatchNorm2d(outputs) if normalized else nn.Identity()
 
     def forward(self, x):
         return self.norm(self.conv(x))
@@ -37,26 +31,26 @@ def upsample_to(x, like):
 class StructureNet(nn.Module):
     """With soft attention; its two inputs are depth and mask."""
 
-    def __init__(self, width, normalization):
+    def __init__(self, width):
         super().__init__()
         groups = [[(7, 1), (5, 2)]] + [[(3, f)] * 3 for f in (4, 8, 16, 16)]
         channels, skips, self.encoder = 2, [], nn.ModuleList()
         for group in groups:
             units = nn.ModuleList()
             for kernel, factor in group:
-                units.append(ConvUnit(channels, factor * width, kernel, normalization))
+                units.append(ConvUnit(channels, factor * width, kernel))
                 channels = factor * width
             self.encoder.append(units)
             skips.append(channels)
-        self.bottleneck = nn.ModuleList(nn.ModuleList(ConvUnit(channels, channels, 3, normalization) for _ in range(2)) for _ in range(4))
-        self.attention = ConvUnit(channels, 1, 1, "none")
+        self.bottleneck = nn.ModuleList(nn.ModuleList(ConvUnit(channels, channels, 3) for _ in range(2)) for _ in range(4))
+        self.attention = ConvUnit(channels, 1, 1, normalized=False)
         self.decoder = nn.ModuleList()
         for skip in reversed(skips[:4]):
             self.decoder.append(nn.ModuleList(
-                ConvUnit(*shape, normalization) for shape in ((channels, channels, 3), (channels, channels, 3), (channels, skip, 3), (2 * skip, skip, 1))))
+                ConvUnit(*shape) for shape in ((channels, channels, 3), (channels, channels, 3), (channels, skip, 3), (2 * skip, skip, 1))))
             channels = skip
-        self.last = ConvUnit(channels, width, 3, normalization)
-        self.classifier = ConvUnit(width, 21, 1, "none")
+        self.last = ConvUnit(channels, width, 3)
+        self.classifier = ConvUnit(width, 21, 1, normalized=False)
 
     def forward(self, x):
         skips = []
@@ -87,12 +81,12 @@ class Step:
         torch.manual_seed(1)
         self.bf16 = args.precision == "bf16"
         self.layout = torch.channels_last if args.layout == "channels_last" else torch.contiguous_format
-        self.net = StructureNet(args.width, args.normalization).to(memory_format=self.layout)
+        self.net = StructureNet(args.width).to(memory_format=self.layout)
         self.optimizer = torch.optim.AdamW(self.net.parameters(), lr=1e-4)
-        depth = 1.5 + torch.rand(args.batch, 1, args.height, args.width_px)
+        depth = 1.5 + torch.rand(args.batch, 1, 180, 320)
         mask = (torch.rand_like(depth) > 0.1).float()
         self.input = torch.cat([(depth - 2) * mask, mask], 1).to(memory_format=self.layout)
-        self.labels = torch.randint(0, 21, (args.batch, args.height, args.width_px))
+        self.labels = torch.randint(0, 21, (args.batch, 180, 320))
 
     def __call__(self):
         clock = [time.perf_counter()]
@@ -111,24 +105,21 @@ class Step:
         self.optimizer.zero_grad()
         loss.item()
         clock.append(time.perf_counter())
-        return [b - a for a, b in zip(clock, clock[1:])]
+        return dict(zip(("forward", "loss", "backward", "optim"), (b - a for a, b in zip(clock, clock[1:]))))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--width", type=int, default=8)
-    parser.add_argument("--size", default="320x180")
     parser.add_argument("--batch", type=int, default=8)
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--precision", choices=["fp32", "bf16"], default="fp32")
+    parser.add_argument("--steps", type=int, default=3)
     parser.add_argument("--layout", choices=["contiguous", "channels_last"], default="contiguous")
-    parser.add_argument("--normalization", choices=["none", "batch", "group"], default="batch")
     args = parser.parse_args()
-    args.width_px, args.height = (int(n) for n in args.size.split("x"))
     step = Step(args)
-    print(torch.__version__, flush=True)
-    for _ in sys.stdin:
-        print(" ".join(f"{seconds:.6f}" for seconds in step()), flush=True)
+    for _ in range(args.steps):
+        print(json.dumps({"step_s": step()}))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,8 @@ import subprocess
 import tempfile
 import time
 
+from common import short_training
+
 STEPS = 24  # of a run; two rows of 12, of which the second counts
 
 
@@ -41,12 +43,9 @@ class Table:
     def train(self, folder, width, precision, batch, renderer, steps=STEPS):
         """The last row of a run, or None where it failed (out of memory, no such renderer)."""
         run = os.path.join(folder, "run")
-        settings = {"model.base_channels": width, "run.precision": precision, "run.channels_last": "auto", "run.batch_size": batch, "data.renderer": renderer,
-                    "data.image_sizes": "[320x180]", "data.sensors": "[realsense_d415]", "run.loader_threads": self.loaders, "run.samples": steps * batch, "run.log_every": steps // 2 * batch,
-                    "run.validation_samples": 0, "run.checkpoint_every": 10**9, "run.tensorboard": "false", "optim.warmup_samples": batch}
-        command = [self.arguments.program, "train", "--config", "configs/m05-lite.yaml", "--device", self.arguments.device, "-o", run]
-        for key, value in settings.items():
-            command += ["--set", f"{key}={value}"]
+        settings = {"model.base_channels": width, "run.precision": precision, "run.channels_last": "auto", "data.renderer": renderer,
+                    "run.loader_threads": self.loaders, "run.log_every": steps // 2 * batch}
+        command = [*short_training(self.arguments.program, run, steps, batch, settings), "--device", self.arguments.device]
         status, _, message = self.run(command)
         if status != 0:
             print(f"\nNot measured: width {width}, {precision}, batch {batch}, {renderer}: {message}\n", flush=True)

@@ -1,61 +1,60 @@
 #!/usr/bin/env python3
 """Training steps of volalign and of the same network in PyTorch eager, side by side.
 
-    tests/bench/training_step.py --program build/dev/tests/bench/training_step [--program LABEL=PATH ...] \
-        --python /usr/bin/python3 [--python build/libtorch/newest/bin/python3 ...] [--rounds 20] [--json out.json]
+    tests/bench/training_step.py --program build/release/cli/volalign [--program LABEL=PATH ...] \
+        --python /usr/bin/python3 [--python build/libtorch/newest/bin/python3 ...] [--rounds 6] [--json out.json]
 
-Every contestant is a process that waits until it is told to take a step; they take turns, so that other work on the machine falls on all
-alike, and the smallest time of each counts. Precisions, layouts, widths, threads: comma-separated lists, of which every combination is
-measured. Run it from the repository's root.
+In each round every contestant takes three steps at 320x180, of which the first does not count. They take turns, so that other work on the
+machine falls on all alike, and the smallest time of each counts. Precisions, layouts, widths, threads: comma-separated lists, of which
+every combination is measured. Run it from the repository's root.
 """
 
 import argparse
 import itertools
 import json
-import subprocess
+import pathlib
 import sys
+import tempfile
 
-PARTS = ["forward", "loss", "backward", "optimiser"]
+from common import run, short_training
+
+PARTS = {"forward": "forward", "loss": "loss", "backward": "backward", "optim": "optimiser"}
+STEPS = 3
 
 
 class Contestant:
-    def __init__(self, name, command):
-        self.name, self.best, self.parts = name, float("inf"), None
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        self.version = self.process.stdout.readline().strip()
-        if not self.version:
-            raise SystemExit(f"{name} did not start: {' '.join(command)}")
+    """`rows` returns the text of a round's steps, a line of JSON each, as in metrics.jsonl."""
 
-    def step(self, count):
-        self.process.stdin.write("\n")
-        self.process.stdin.flush()
-        line = self.process.stdout.readline().split()
-        if len(line) < len(PARTS):
-            raise SystemExit(f"{self.name} stopped")
-        seconds = [float(x) for x in line[: len(PARTS)]]
-        if count and sum(seconds) < self.best:
-            self.best, self.parts = sum(seconds), seconds
+    def __init__(self, name, rows):
+        self.name, self.rows, self.best, self.parts = name, rows, float("inf"), None
 
-    def close(self):
-        self.process.stdin.close()
-        self.process.wait()
+    def take_turn(self):
+        for row in self.rows().splitlines()[1:]:
+            seconds = [json.loads(row)["step_s"][part] for part in PARTS]
+            if sum(seconds) < self.best:
+                self.best, self.parts = sum(seconds), seconds
+
+
+def trained(program, batch, settings):
+    with tempfile.TemporaryDirectory() as folder:
+        run(*short_training(program, f"{folder}/run", STEPS, batch, {"run.log_every": batch, **settings}))
+        return pathlib.Path(folder, "run/metrics.jsonl").read_text(encoding="utf-8")
 
 
 def contestants(args, width, threads, precision, layout):
     for program in args.program:
         label, _, path = program.rpartition("=")
-        command = [path, f"model.base_channels={width}", f"run.threads={threads}", f"run.precision={precision}",
-                   f"run.channels_last={'true' if layout == 'channels_last' else 'false'}", f"run.batch_size={args.batch}", f"size={args.size}",
-                   f"model.normalization={args.normalization}", "loss.procrustes=false"]
-        yield Contestant(label or "volalign", command)
+        label = label or "volalign"
+        settings = {"model.base_channels": width, "run.threads": threads, "run.precision": precision, "run.channels_last": str(layout == "channels_last").lower(),
+                    "loss.procrustes": "false"}
+        yield Contestant(label, lambda path=path: trained(path, args.batch, settings))
         if args.geometric_loss:
-            yield Contestant((label or "volalign") + " with the geometric loss", command[:-1])
+            yield Contestant(f"{label} with the geometric loss", lambda path=path: trained(path, args.batch, {**settings, "loss.procrustes": "true"}))
     for python in args.python:
-        command = [python, "tests/bench/eager_network.py", "--width", str(width), "--threads", str(threads), "--precision", precision,
-                   "--layout", layout, "--batch", str(args.batch), "--size", args.size, "--normalization", args.normalization]
-        contestant = Contestant("", command)
-        contestant.name = f"PyTorch {contestant.version} eager"
-        yield contestant
+        version = run(python, "-c", "import torch; print(torch.__version__)").strip()
+        command = [python, "tests/bench/eager_network.py", "--width", width, "--threads", threads, "--precision", precision, "--layout", layout,
+                   "--batch", args.batch, "--steps", STEPS]
+        yield Contestant(f"PyTorch {version} eager", lambda command=command: run(*command))
 
 
 def main():
@@ -66,28 +65,25 @@ def main():
     parser.add_argument("--threads", default="1,2")
     parser.add_argument("--precisions", default="fp32,bf16")
     parser.add_argument("--layouts", default="contiguous,channels_last")
-    parser.add_argument("--normalization", default="batch")
     parser.add_argument("--batch", type=int, default=8)
-    parser.add_argument("--size", default="320x180")
-    parser.add_argument("--rounds", type=int, default=12)
+    parser.add_argument("--rounds", type=int, default=6)
     parser.add_argument("--geometric-loss", action="store_true")
     parser.add_argument("--json")
     args = parser.parse_args()
     rows = []
-    print(f"| width | threads | precision | layout | | ms per sample | {' | '.join(PARTS)} |")
+    print(f"| width | threads | precision | layout | | ms per sample | {' | '.join(PARTS.values())} |")
     print("|---" * (6 + len(PARTS)) + "|")
     for width, threads, precision, layout in itertools.product(
             args.widths.split(","), args.threads.split(","), args.precisions.split(","), args.layouts.split(",")):
         taking_part = list(contestants(args, width, threads, precision, layout))
-        for i in range(args.rounds + 1):
+        for _ in range(args.rounds):
             for contestant in taking_part:
-                contestant.step(count=i > 0)
+                contestant.take_turn()
         for c in taking_part:
-            c.close()
             shares = " | ".join(f"{100 * p / c.best:.0f} %" for p in c.parts)
             print(f"| {width} | {threads} | {precision} | {layout} | {c.name} | {1e3 * c.best / args.batch:.1f} | {shares} |", flush=True)
             rows.append({"width": int(width), "threads": int(threads), "precision": precision, "layout": layout, "name": c.name,
-                         "version": c.version, "seconds_per_sample": c.best / args.batch, "parts": dict(zip(PARTS, c.parts))})
+                         "seconds_per_sample": c.best / args.batch, "parts": dict(zip(PARTS.values(), c.parts))})
     for width, threads in itertools.product(args.widths.split(","), args.threads.split(",")):
         best = {}
         for row in rows:
