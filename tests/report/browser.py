@@ -36,15 +36,15 @@ class Browser:
     def __exit__(self, *ignored):
         self.driver.quit()
 
-    def open(self, url, width=1280, height=900, dark=False, mobile=False, scale=1):
+    def open(self, url, width=1280, height=900, dark=False, mobile=False):
         self.driver.switch_to.new_window("tab")
-        return Page(self.driver, url, width, height, dark, mobile, scale)
+        return Page(self.driver, url, width, height, dark, mobile)
 
 
 class Page:
-    def __init__(self, driver, url, width, height, dark, mobile, scale):
+    def __init__(self, driver, url, width, height, dark, mobile):
         self.driver, self.window = driver, driver.current_window_handle
-        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=mobile)
+        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=mobile)
         self.set_dark(dark)
         driver.get(url)
         self.wait("document.readyState === 'complete'")
@@ -87,18 +87,11 @@ class Page:
         actions.pointer_action.move_to_location(*map(int, begin)).pointer_down().move_to_location(*map(int, end)).pointer_up()
         actions.perform()
 
-    def screenshot(self, selector=None, whole=False, until=None, **encoding):
-        """PNG bytes, or what `encoding` (format, quality) asks for: of the window, of the whole page, of an element, or of the page up to the end of an element."""
-        options = {}
-        if selector:
-            box = self.evaluate(f"(() => {{ const b = document.querySelector({json.dumps(selector)}).getBoundingClientRect(); "
-                                "return {x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height}; })()")
-            options = {"clip": {**box, "scale": 1}, "captureBeyondViewport": True}
-        if whole or until:
-            size = self.send("Page.getLayoutMetrics")["cssContentSize"]
-            height = self.evaluate(f"document.querySelector({json.dumps(until)}).getBoundingClientRect().bottom + scrollY") if until else size["height"]
-            options = {"clip": {"x": 0, "y": 0, "width": size["width"], "height": height, "scale": 1}, "captureBeyondViewport": True}
-        return base64.b64decode(self.send("Page.captureScreenshot", **{"format": "png", **encoding}, **options)["data"])
+    def screenshot(self, selector):
+        """PNG bytes of an element."""
+        box = self.evaluate(f"(() => {{ const b = document.querySelector({json.dumps(selector)}).getBoundingClientRect(); "
+                            "return {x: b.x + scrollX, y: b.y + scrollY, width: b.width, height: b.height}; })()")
+        return base64.b64decode(self.send("Page.captureScreenshot", clip={**box, "scale": 1}, captureBeyondViewport=True)["data"])
 
     def complaints(self):
         """What the console and the log have against the browser's pages since the last call, and every request for anything but files and data in them."""
