@@ -134,9 +134,6 @@ if(VOLALIGN_WITH_INFER AND NOT VOLALIGN_ASAN)
     set(VOLALIGN_WITH_PYTHON ON)
   endif()
 endif()
-if(VOLALIGN_BENCHMARKS)
-  volalign_find(benchmark libbenchmark-dev)
-endif()
 
 # A LibTorch from PyPI has the headers of another fmt than the library that is linked here in its own include folder, which comes
 # before the system's. A folder with a link to the right ones goes before both.
