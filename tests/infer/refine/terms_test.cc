@@ -296,88 +296,89 @@ FrameObservations ObserveAll(const Structure& structure, const Pose& pose) {
   return observed;
 }
 
-TEST(Residuals, DoNotShrinkWithTheWorld) {
+/// What a sensor beside the paper's structure observes.
+class FrameTerms : public testing::Test {
+ protected:
+  const Structure structure_ = PaperStructure();
+  const BuildModel model_{structure_};
+  const Pose pose_ = RingPose(35);
+};
+
+TEST_F(FrameTerms, ResidualsDoNotShrinkWithTheWorld) {
   // Where the stack, its distance and all depths are smaller by one factor, nothing that a sensor
   // measures is different, and so no residual: only priors tell how large the world is.
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const FrameObservations observed = ObserveAll(structure, RingPose(35));
-  ParameterPoint at(model, RingPose(35));
+  const FrameObservations observed = ObserveAll(structure_, pose_);
+  ParameterPoint at(model_, pose_);
   RandomStream random(3, 0, "scale");
   for (Eigen::Index i = 7; i < at.x.size(); ++i) at.x[i] = random.Normal(0, 0.01);
   ASSERT_GT(observed.faces.size(), 8u);
   constexpr double kFactor = 0.97;
   ParameterPoint smaller = at;
   smaller.x.segment<3>(4) *= kFactor;
-  smaller.x[5] += (1 - kFactor) * model.floor();  // it shrinks about a point of the floor
+  smaller.x[5] += (1 - kFactor) * model_.floor();  // it shrinks about a point of the floor
   smaller.x[FrameColumns::kOffset] *= kFactor;
   smaller.x.segment<kMultipath + 1>(FrameColumns::kErrors) *= kFactor;
   for (const Eigen::Index gain : {FrameColumns::kErrors + kGain, FrameColumns::kSize})
     smaller.x[gain] = (1 + at.x[gain]) * kFactor - 1;
-  smaller.x.tail(model.size().sides) *= kFactor;
-  for (int b = 0; b < static_cast<int>(structure.boxes().size()); ++b) {
+  smaller.x.tail(model_.size().sides) *= kFactor;
+  for (int b = 0; b < static_cast<int>(structure_.boxes().size()); ++b) {
     const Eigen::Vector3d centre =
-        structure.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
+        structure_.boxes()[static_cast<std::size_t>(b)].structure_from_box.translation();
     double& x = smaller.x[FrameColumns::kBoxes + BuildModel::X(b)];
     double& z = smaller.x[FrameColumns::kBoxes + BuildModel::Z(b)];
     x = (centre.x() + x) * kFactor - centre.x();
     z = (centre.z() + z) * kFactor - centre.z();
   }
   Eigen::VectorXd residuals, of_smaller;
-  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
-  Residuals(model, observed, smaller.Parameters(), &of_smaller, nullptr);
+  Residuals(model_, observed, at.Parameters(), &residuals, nullptr);
+  Residuals(model_, observed, smaller.Parameters(), &of_smaller, nullptr);
   ASSERT_GT(residuals.norm(), 0.01);
   EXPECT_LT((of_smaller - residuals).norm(), 1e-9 * residuals.norm());
 }
 
-TEST(Residuals, VanishOnTheStructureAsBuilt) {
+TEST_F(FrameTerms, ResidualsVanishOnTheStructureAsBuilt) {
   // Rendered from displaced, turned and enlarged boxes whose sides bulge: zero at these parameters,
   // by ray casting.
-  const Structure nominal = PaperStructure();
-  const BuildModel model(nominal);
-  const Pose pose = RingPose(70);
-  ParameterPoint at(model, pose);
+  ParameterPoint at(model_, pose_);
   double* boxes = at.x.data() + FrameColumns::kBoxes;
   at.x[FrameColumns::kSize] = 0.012;
   RandomStream random(2, 0, "built");
-  for (int b = 0; b < static_cast<int>(nominal.boxes().size()); ++b) {
+  for (int b = 0; b < static_cast<int>(structure_.boxes().size()); ++b) {
     boxes[BuildModel::X(b)] = random.Normal(0, 0.004);
     boxes[BuildModel::Z(b)] = random.Normal(0, 0.004);
     boxes[BuildModel::Yaw(b)] = random.Normal(0, 0.01);
   }
-  const Structure built = model.Built(at.Parameters().build);
-  EXPECT_NEAR(built.FloorHeight(), nominal.FloorHeight(), 1e-9) << "it stands on the same floor";
-  FrameObservations observed = Observe(built, pose, 20);
+  const Structure built = model_.Built(at.Parameters().build);
+  EXPECT_NEAR(built.FloorHeight(), structure_.FloorHeight(), 1e-9) << "it stands on the same floor";
+  FrameObservations observed = Observe(built, pose_, 16);
   for (FaceObservation& face : observed.faces) {
     face.by_errors[kMultipath] = 0;
     const double bulge = 1e-3 * face.label;
-    at.x.tail(model.size().sides)[BuildModel::Bulge(face.label)] = bulge;
-    face.p += bulge * face.bulge * pose.linear().transpose() * built.SideOfLabel(face.label).normal;
+    at.x.tail(model_.size().sides)[BuildModel::Bulge(face.label)] = bulge;
+    face.p +=
+        bulge * face.bulge * pose_.linear().transpose() * built.SideOfLabel(face.label).normal;
   }
   Eigen::VectorXd residuals;
-  Residuals(model, observed, at.Parameters(), &residuals, nullptr);
+  Residuals(model_, observed, at.Parameters(), &residuals, nullptr);
   ASSERT_GT(residuals.size(), 40);
   EXPECT_LT(residuals.cwiseAbs().maxCoeff(), 2e-6);
 }
 
-TEST(SensorCost, IsWhitenedByTheCovariance) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(20);
-  FrameObservations observed = Observe(structure, pose, 50);
+TEST_F(FrameTerms, TheCostIsWhitenedByTheCovariance) {
+  FrameObservations observed = Observe(structure_, pose_, 50);
   const EdgeObservation edge = EdgeOf(observed.faces.front());
   observed.edges = {edge, edge};
   observed.edges[1].edge = 2;
-  SetCovariance(model, pose, &observed);
-  ParameterPoint at(model, pose);
+  SetCovariance(model_, pose_, &observed);
+  ParameterPoint at(model_, pose_);
   at.x[7] = 0.005;
-  const SensorCost cost(model, observed);
+  const SensorCost cost(model_, observed);
   const FrameParameters p = at.Parameters();
   const std::array<const double*, 7> blocks = {p.pose,       p.offset,      p.errors,      p.lens,
                                                p.build.size, p.build.boxes, p.build.bulges};
   Eigen::VectorXd whitened(cost.num_residuals()), residuals;
   EXPECT_TRUE(cost.Evaluate(blocks.data(), whitened.data(), nullptr));
-  Residuals(model, observed, p, &residuals, nullptr);
+  Residuals(model_, observed, p, &residuals, nullptr);
   const auto faces = static_cast<Eigen::Index>(observed.faces.size());
   const Eigen::MatrixXd face = observed.face_root * observed.face_root.transpose(),
                         lines = observed.edge_root * observed.edge_root.transpose();
@@ -393,13 +394,10 @@ double Matern(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double length)
   return (1 + std::sqrt(3.0) * d / length) * std::exp(-std::sqrt(3.0) * d / length);
 }
 
-TEST(FitNoise, FindsTheSizeOfWarps) {
+TEST_F(FrameTerms, FitNoiseFindsTheSizeOfWarps) {
   // Depths that are off by a Gaussian field over the image, of known size at 2 m and growing with
   // the depth, pose and constants unknown.
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(35);
-  FrameObservations clean = Observe(structure, pose, 14);
+  FrameObservations clean = Observe(structure_, pose_, 14);
   for (FaceObservation& face : clean.faces) face.by_errors[kMultipath] = 0;
   const auto n = static_cast<Eigen::Index>(clean.faces.size());
   ASSERT_GT(n, 60);
@@ -426,8 +424,8 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
         FaceObservation& face = seen.faces[static_cast<std::size_t>(i)];
         face.p *= 1 + sigma / 2 * field[i];
       }
-      const ParameterPoint at(model, pose);
-      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      const ParameterPoint at(model_, pose_);
+      FitNoise(model_, ErrorsOf(""), at.Parameters(), priors, &seen);
       size += std::log(seen.noise.depth.smooth_m / sigma) / kDraws;
       length += std::log(seen.noise.depth.smooth_rad / kLength) / kDraws;
       EXPECT_EQ(seen.face_root.rows(), n) << "the factor is that of the fitted covariance";
@@ -438,52 +436,30 @@ TEST(FitNoise, FindsTheSizeOfWarps) {
   }
 }
 
-TEST(FitNoise, KeepsWhatIsUsualWhereFacesAreTooFew) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(35);
+TEST_F(FrameTerms, FitNoiseKeepsWhatIsUsualWhereFacesAreTooFew) {
   for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect_nfov_binned", ""}) {
-    FrameObservations seen = Observe(structure, pose, 14);
+    FrameObservations seen = Observe(structure_, pose_, 14);
     seen.faces.resize(12);
     seen.noise = UsualNoise(kind);
-    const ParameterPoint at(model, pose);
-    FitNoise(model, UsualNoise(kind).depth, at.Parameters(), SomePriors(), &seen);
+    const ParameterPoint at(model_, pose_);
+    FitNoise(model_, UsualNoise(kind).depth, at.Parameters(), SomePriors(), &seen);
     EXPECT_EQ(seen.noise.depth.smooth_m, ErrorsOf("").smooth_m) << kind;
     EXPECT_EQ(seen.noise.depth.seam_m, ErrorsOf(kind).seam_m) << kind;
   }
 }
 
-/// Points along the borders of the sides that the sensor faces, as they are.
-FrameObservations BordersOf(const Structure& structure, const Pose& pose) {
-  FrameObservations seen;
-  const Pose sensor_from_structure = pose.inverse();
-  for (int label = 1; label < structure.num_classes(); ++label) {
-    const Side& side = structure.SideOfLabel(label);
-    if (side.normal.dot(side.centre - pose.translation()) > -0.5) continue;
-    for (int edge = 0; edge < 4; ++edge) {
-      const Border border = side.BorderAt(edge);
-      const Eigen::Vector3d along = border.length / 2 * side.normal.cross(border.outward);
-      for (const double t : {-0.6, 0.0, 0.6}) {
-        EdgeObservation point;
-        point.p = sensor_from_structure * (border.middle + t * along);
-        point.label = label;
-        point.edge = edge;
-        point.pixel = point.p.z() / 252.2;
-        point.variance = 0.1;
-        seen.edges.push_back(point);
-      }
-    }
+TEST_F(FrameTerms, FitNoiseFindsTheScaleOfEdges) {
+  FrameObservations clean;  // points of the sides' borders, as they are
+  for (const FaceObservation& face : Observe(structure_, pose_, 14).faces) {
+    EdgeObservation point = EdgeOf(face);
+    point.edge = static_cast<int>(clean.edges.size() % 4);
+    const Border border = structure_.SideOfLabel(face.label).BorderAt(point.edge);
+    const Eigen::Vector3d at = pose_ * face.p;
+    point.p = pose_.inverse() * (at + border.outward * border.outward.dot(border.middle - at));
+    clean.edges.push_back(point);
   }
-  return seen;
-}
-
-TEST(FitNoise, FindsTheScaleOfEdges) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(35);
-  FrameObservations clean = BordersOf(structure, pose);
   clean.noise.edge = 1;
-  SetCovariance(model, pose, &clean);
+  SetCovariance(model_, pose_, &clean);
   const auto n = static_cast<Eigen::Index>(clean.edges.size());
   ASSERT_GT(n, 60);
   ASSERT_LE(n, 110);  // of more, some would be taken
@@ -498,22 +474,19 @@ TEST(FitNoise, FindsTheScaleOfEdges) {
       FrameObservations seen = clean;
       for (Eigen::Index i = 0; i < n; ++i) {
         EdgeObservation& edge = seen.edges[static_cast<std::size_t>(i)];
-        const Border border = structure.SideOfLabel(edge.label).BorderAt(edge.edge);
-        edge.p += pose.linear().transpose() * border.outward * moved[i];
+        const Border border = structure_.SideOfLabel(edge.label).BorderAt(edge.edge);
+        edge.p += pose_.linear().transpose() * border.outward * moved[i];
       }
-      const ParameterPoint at(model, pose);
-      FitNoise(model, ErrorsOf(""), at.Parameters(), priors, &seen);
+      const ParameterPoint at(model_, pose_);
+      FitNoise(model_, ErrorsOf(""), at.Parameters(), priors, &seen);
       fitted += std::log(seen.noise.edge / scale) / kDraws;
     }
     EXPECT_LT(std::abs(fitted), std::log(1.25)) << scale << ": off by " << std::exp(fitted);
   }
 }
 
-TEST(SetCovariance, IsThatOfItsParts) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  const Pose pose = RingPose(20);
-  FrameObservations observed = Observe(structure, pose, 40);
+TEST_F(FrameTerms, TheCovarianceIsThatOfItsParts) {
+  FrameObservations observed = Observe(structure_, pose_, 40);
   const EdgeObservation edge = EdgeOf(observed.faces.front());
   observed.edges = {edge, edge, edge};
   observed.edges[1].p += Eigen::Vector3d(0.02, 0.01, 0);
@@ -523,22 +496,22 @@ TEST(SetCovariance, IsThatOfItsParts) {
   observed.noise.edge = 1.5;
   observed.noise.line = 0.003;
   observed.faces[3].lateral_sigma_rad = 0.0027;
-  SetCovariance(model, pose, &observed);
+  SetCovariance(model_, pose_, &observed);
   const Eigen::MatrixXd faces = observed.face_root * observed.face_root.transpose();
   for (std::size_t i = 0; i < observed.faces.size(); ++i) {
     for (std::size_t j = 0; j <= i; ++j) {
       // A depth error of 4 mm at 2 m moves a point by its cosine; but at grazing incidence by a
       // fifth.
       const auto moved = [&](const FaceObservation& face) {
-        const Eigen::Vector3d ray = pose.linear() * face.p / face.p.z();
-        const double along = structure.SideOfLabel(face.label).normal.dot(ray);
+        const Eigen::Vector3d ray = pose_.linear() * face.p / face.p.z();
+        const double along = structure_.SideOfLabel(face.label).normal.dot(ray);
         return 0.004 * face.p.z() / 2 * std::sqrt(along * along + 0.2 * 0.2);
       };
       const FaceObservation &a = observed.faces[i], &b = observed.faces[j];
       double expected = moved(a) * moved(b) * Matern(a.p, b.p, 0.1);
       if (i == j) {
         const Eigen::Vector3d normal =
-            pose.linear().transpose() * structure.SideOfLabel(a.label).normal;
+            pose_.linear().transpose() * structure_.SideOfLabel(a.label).normal;
         const double sine = normal.cross(a.p.normalized()).norm();
         const double aside = std::hypot(0.0003, i == 3 ? 0.0027 : 0);
         expected += a.variance + std::pow(sine * aside * a.p.z(), 2) + 1e-6 / 12;
@@ -555,18 +528,16 @@ TEST(SetCovariance, IsThatOfItsParts) {
   EXPECT_NEAR(edges(0, 2), 0, 1e-15);
   // However small the scale: what an edge's points have in common is no less than the rounding.
   observed.noise.edge = 0.25;
-  SetCovariance(model, pose, &observed);
+  SetCovariance(model_, pose_, &observed);
   const double rounding = 0.008 * 0.008 / 12;
   EXPECT_NEAR((observed.edge_root * observed.edge_root.transpose())(0, 1),
               rounding * apart + line / 16, 1e-12);
 }
 
-TEST(SetCovariance, SaysWhereThereIsNone) {
-  const Structure structure = PaperStructure();
-  const BuildModel model(structure);
-  FrameObservations observed = Observe(structure, RingPose(20), 40);
+TEST_F(FrameTerms, TheCovarianceSaysWhereThereIsNone) {
+  FrameObservations observed = Observe(structure_, pose_, 40);
   observed.faces[1].variance = -1;
-  SetCovariance(model, RingPose(20), &observed);
+  SetCovariance(model_, pose_, &observed);
   EXPECT_FALSE(observed.face_root.allFinite());
 }
 
