@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 """The table of docs/deployment.md: of each format and each runtime, size, agreement and time.
 
-    tests/bench/deployment.py BUILD_FOLDER [ROUNDS]      (built with -DVOLALIGN_BENCHMARKS=ON)
+    tests/bench/deployment.py VOLALIGN [ROUNDS]
 
-Frames are the eight of configs/rig_ring8.yaml, every second pixel of every second row, as the network sees them (four of 160x144, four of
-160x90), one by one, two threads. Agreement: of the pixels with depth, the share that has the label of LibTorch's own segmenter. Time: the
-least of ROUNDS (default 20) passes over the frames, on an idle machine. Each runtime has a process of its own. Needs onnxruntime and torch beside numpy; what
-is absent has no row.
+Frames are those of configs/rig_ring8.yaml at half the size, which the network sees as they are: four of 160x144, four of 160x90. Those of one size go
+through it together, as in a calibration, on two threads. Agreement: of the pixels with depth, the share that has the label of LibTorch's own segmenter.
+Time: the least of ROUNDS (default 10) passes, on an idle machine; volalign's are of `evaluate`, with the preparation of the frames. Each runtime has a
+process of its own. Needs onnxruntime and torch beside numpy; what is absent has no row.
 """
 
 import json
 import os
+import pathlib
 import subprocess
 import sys
 import tempfile
@@ -18,22 +19,17 @@ import time
 
 import numpy
 
-from common import ROOT
+from common import D415, KINECT, ROOT, run
 from grey_png import read_png
 
 THREADS = 2
 # Threads that wait for each other sleep, as in the tests: where other programs run, those that spin took three to six times as long.
-ENVIRONMENT = {**os.environ, "OMP_WAIT_POLICY": "PASSIVE"}
-CHECKPOINT = os.path.join(ROOT, "models", "m05-lite.safetensors")
+os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
+CHECKPOINT = ROOT / "models/m05-lite.safetensors"
 
 
-def frames_of(path):
-    height, width = (int(size) for size in reversed(os.path.basename(path)[: -len(".f32")].split("x")))
-    return numpy.fromfile(path, "<f4").reshape(-1, 1, 1, height, width)
-
-
-def run_here(model, rounds, paths):
-    """In a process of its own: ms a frame, and labels beside the frames."""
+def run_here(model, rounds, folder):
+    """In a process of its own: prints ms a frame, and leaves the labels of each size in the folder."""
     if model.endswith(".onnx"):
         import onnxruntime
 
@@ -41,78 +37,91 @@ def run_here(model, rounds, paths):
         options.intra_op_num_threads = THREADS
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        run = lambda depth: session.run(None, {"depth": depth})[0]
+        scores = lambda depth: session.run(None, {"depth": depth})[0]
     else:
         import torch
 
         torch.set_num_threads(THREADS)
         script = torch.jit.load(model, map_location="cpu")
 
-        def run(depth):
+        def scores(depth):
             with torch.no_grad():
                 return script(torch.from_numpy(depth)).numpy()
 
-    least = float("inf")
-    for round_ in range(rounds + 1):  # the first one makes what is kept
+    frames = {kind: numpy.load(f"{folder}/{kind}.npy") for kind in (KINECT, D415)}
+    seconds = []
+    for _ in range(rounds + 1):  # the first one makes what is kept
         start = time.perf_counter()
-        labels = {path: [run(depth).argmax(1).astype(numpy.uint8) for depth in frames_of(path)] for path in paths}
-        taken = 1000 * (time.perf_counter() - start) / sum(len(found) for found in labels.values())
-        if round_ > 0:
-            least = min(least, taken)
-    for path, found in labels.items():
-        numpy.concatenate(found).tofile(path + ".labels")
-    print(f"{least:.2f}")
+        labels = {kind: scores(depth).argmax(1).astype(numpy.uint8) for kind, depth in frames.items()}
+        seconds.append(time.perf_counter() - start)
+    for kind, found in labels.items():
+        numpy.save(f"{folder}/{kind}_labels.npy", found)
+    print(1000 * min(seconds[1:]) / sum(map(len, frames.values())))
 
 
-def make_frames(program, folder):
-    subprocess.run([program, "render", "--rig", "configs/rig_ring8.yaml", "-o", folder + "/capture"], cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
-    with open(folder + "/capture/capture.json", encoding="utf-8") as file:
-        sensors = json.load(file)["sensors"]
-    by_size = {}
-    for sensor in sensors:
-        depth = numpy.array(read_png(os.path.join(folder, "capture", sensor["depth"])))[1::2, 1::2].astype("<f4") / 1000
-        by_size.setdefault(f"{depth.shape[1]}x{depth.shape[0]}", []).append(depth)
-    paths = []
-    for size, depths in by_size.items():
-        paths.append(f"{folder}/{size}.f32")
-        numpy.stack(depths).tofile(paths[-1])
-    return paths
+def make_frames(program, folder, rounds):
+    """The names of each kind's sensors. Their depths are in KIND.npy, and capture/0.json and so on are captures of the same frames."""
+    rig = (ROOT / "configs/rig_ring8.yaml").read_text()
+    for kind, size in ((KINECT, "160x144"), (D415, "160x90")):
+        rig = rig.replace(f"sensor: {kind},", f"sensor: {kind}, image_size: {size},")
+    (folder / "rig.yaml").write_text(rig)
+    run(program, "render", "--rig", folder / "rig.yaml", "-o", folder / "capture")
+    capture = json.loads((folder / "capture/capture.json").read_text())
+    for sensor in capture["sensors"]:
+        sensor["quarter_turns"] = 0
+    for k in range(rounds + 1):
+        (folder / f"capture/{k}.json").write_text(json.dumps(capture))
+    names = {kind: [sensor["name"] for sensor in capture["sensors"] if sensor["sensor"] == kind] for kind in (KINECT, D415)}
+    for kind, of in names.items():
+        numpy.save(folder / f"{kind}.npy", numpy.stack([read_png(folder / f"capture/{name}_depth.png") for name in of])[:, None].astype("f4") / 1000)
+    return names
 
 
-def main(build, rounds):
-    program, segment_time = os.path.join(build, "cli", "volalign"), os.path.join(build, "tests", "bench", "segment_time")
+def run_volalign(program, model, rounds, folder, names):
+    """As run_here, by calibrations."""
+    options, out = ("--model", model, "--set", f"threads={THREADS}"), folder / f"{pathlib.Path(model).name}_out"
+    run(program, "evaluate", *options, "--captures", *(folder / f"capture/{k}.json" for k in range(rounds + 1)), "-o", out / "evaluation")
+    cases = json.loads((out / "evaluation/evaluation.json").read_text())["cases"]
+    run(program, "calibrate", *options, "--capture", folder / "capture/0.json", "--no-report", "-o", out / "calibration")
+    for kind, of in names.items():
+        numpy.save(folder / f"{kind}_labels.npy", numpy.stack([read_png(out / f"calibration/labels/{name}.png") for name in of]))
+    return 1000 * min(case["timings_s"]["segmentation"] for case in cases) / sum(map(len, names.values()))
+
+
+def main(program, rounds):
     with tempfile.TemporaryDirectory(prefix="volalign_deployment_") as folder:
-        paths = make_frames(program, folder)
-        measured = numpy.concatenate([frames_of(path).ravel() > 0 for path in paths])
-        models = {}
-        for name, format_ in (("ts", "torchscript"), ("onnx", "onnx")):
+        folder = pathlib.Path(folder)
+        names = make_frames(program, folder, rounds)
+        load = lambda suffix: numpy.concatenate([numpy.load(folder / f"{kind}{suffix}.npy").ravel() for kind in names])
+        models = {"checkpoint, fp16": CHECKPOINT}
+        for title, format_, end in (("TorchScript", "torchscript", "ts"), ("ONNX", "onnx", "onnx")):
             for precision in ("fp32", "fp16"):
-                models[name, precision] = f"{folder}/m.{precision}.{name}"
-                subprocess.run([program, "export", "--model", CHECKPOINT, "--format", format_, "--precision", precision, "-o", models[name, precision]],
-                               stdout=subprocess.DEVNULL, check=True)
-        own = lambda model: [segment_time, model, str(rounds), *paths]
-        here = lambda model: [sys.executable, os.path.abspath(__file__), "--here", model, str(rounds), *paths]
-        rows = [("checkpoint, fp16", "volalign, LibTorch", CHECKPOINT, own)]
-        rows += [(f"TorchScript, {p}", "`torch.jit.load`", models["ts", p], here) for p in ("fp32", "fp16")]
-        rows += [(f"ONNX, {p}", "ONNX Runtime", models["onnx", p], here) for p in ("fp32", "fp16")]
-        rows += [(f"ONNX, {p}", "volalign, OpenCV", models["onnx", p], own) for p in ("fp32", "fp16")]
+                models[f"{title}, {precision}"] = folder / f"m.{precision}.{end}"
+                run(program, "export", "--model", CHECKPOINT, "--format", format_, "--precision", precision, "-o", models[f"{title}, {precision}"])
+        rows = [("checkpoint, fp16", "volalign, LibTorch"), *((f"TorchScript, {p}", "`torch.jit.load`") for p in ("fp32", "fp16")),
+                *((f"ONNX, {p}", runtime) for runtime in ("ONNX Runtime", "volalign, OpenCV") for p in ("fp32", "fp16"))]
         reference = None
         print("| format | size, MB | runtime | labels equal | ms per frame |\n|---|---|---|---|---|")
-        for format_, runtime, model, command in rows:
-            done = subprocess.run(command(model), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False, env=ENVIRONMENT)
-            if done.returncode != 0:
-                print(f"{runtime}: {done.stderr.strip().splitlines()[-1]}", file=sys.stderr)
-                continue
-            labels = numpy.concatenate([numpy.fromfile(path + ".labels", numpy.uint8) for path in paths])
+        for format_, runtime in rows:
+            model = models[format_]
+            if runtime.startswith("volalign"):
+                taken = run_volalign(program, model, rounds, folder, names)
+            else:
+                done = subprocess.run([sys.executable, __file__, "--here", str(model), str(rounds), str(folder)], capture_output=True, text=True, check=False)
+                if done.returncode != 0:
+                    print(f"{runtime}: {done.stderr.strip().splitlines()[-1]}", file=sys.stderr)
+                    continue
+                taken = float(done.stdout)
+            labels = load("_labels")
             reference = labels if reference is None else reference
-            share = (labels == reference)[measured].mean()
-            print(f"| {format_} | {os.path.getsize(model) / 1e6:.1f} | {runtime} | {share:.3%} | {float(done.stdout):.1f} |", flush=True)
+            share = (labels == reference)[load("") > 0].mean()
+            print(f"| {format_} | {os.path.getsize(model) / 1e6:.1f} | {runtime} | {share:.3%} | {taken:.1f} |", flush=True)
 
 
 if __name__ == "__main__":
     if len(sys.argv) > 3 and sys.argv[1] == "--here":
-        run_here(sys.argv[2], int(sys.argv[3]), sys.argv[4:])
+        run_here(sys.argv[2], int(sys.argv[3]), sys.argv[4])
     elif len(sys.argv) in (2, 3):
-        main(os.path.abspath(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) == 3 else 20)
+        main(os.path.abspath(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) == 3 else 10)
     else:
         sys.exit(__doc__)
