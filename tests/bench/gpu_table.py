@@ -31,14 +31,13 @@ class Table:
     def late(self):
         return time.monotonic() > self.end
 
-    def run(self, command, share=1.0):
-        """Status, output and last line of the messages; a command that outlasts this share of the time that is left is ended, with the
-        status None and what it had said."""
+    def run(self, command):
+        """Status and last line of the messages; a command that outlasts the time that is left is ended, with the status None."""
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=max(1, share * (self.end - time.monotonic())))
-        except subprocess.TimeoutExpired as cut:
-            return None, (cut.stdout or b"").decode().strip(), "the time was up"
-        return done.returncode, done.stdout.strip(), (done.stderr.strip().splitlines() or ["no message"])[-1]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=max(1, self.end - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            return None, "the time was up"
+        return done.returncode, (done.stderr.strip().splitlines() or ["no message"])[-1]
 
     def train(self, folder, width, precision, batch, renderer, steps=STEPS):
         """The last row of a run, or None where it failed (out of memory, no such renderer)."""
@@ -46,7 +45,7 @@ class Table:
         settings = {"model.base_channels": width, "run.precision": precision, "run.channels_last": "auto", "data.renderer": renderer,
                     "run.loader_threads": self.loaders, "run.log_every": steps // 2 * batch}
         command = [*short_training(self.arguments.program, run, steps, batch, settings), "--device", self.arguments.device]
-        status, _, message = self.run(command)
+        status, message = self.run(command)
         if status != 0:
             print(f"\nNot measured: width {width}, {precision}, batch {batch}, {renderer}: {message}\n", flush=True)
             return None
@@ -89,7 +88,7 @@ class Table:
             rig = [self.arguments.program, "render", "--rig", "configs/rig_studio.yaml", "--renderer", "cpu", "-o", capture]
             calibrate = [self.arguments.program, "calibrate", "--model", "models/m05-lite.safetensors", "--device", self.arguments.device, "-o", result]
             for command in (rig, calibrate):
-                status, _, message = self.run(command)
+                status, message = self.run(command)
                 if status not in (0, 2):
                     print(f"\nCalibration: {message}", flush=True)
                     return
@@ -102,20 +101,13 @@ class Table:
         for stage, seconds in timings.items():
             print(f"| {stage} | {seconds:.2f} |")
 
-    def parity(self):
-        status, output, message = self.run([self.arguments.parity, self.arguments.device, f"run.batch_size={self.batches[0]}"], share=0.5)
-        print("Relative differences from training on the CPU in float32, contiguous, the weights' over the way that they have gone:\n")
-        print(output if status == 0 else f"{output}\n\nNot all measured: {message}", flush=True)
-
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--program", required=True)
-    parser.add_argument("--parity", required=True)
     parser.add_argument("--device", required=True)
     parser.add_argument("--seconds", type=float, required=True)
     table = Table(parser.parse_args())
-    table.parity()
     table.calibration()
     table.training()
     table.largest_batch()
