@@ -34,7 +34,6 @@
 #include "infer/report/extrinsics.h"
 #include "infer/segment/load.h"
 #include "infer/view/alike.h"
-#include "tests/bench/program.h"
 
 namespace volalign {
 namespace {
@@ -175,7 +174,7 @@ void MeasurePairs(const std::vector<Sensor>& sensors, const Structure& structure
   }
 }
 
-int Run(const std::vector<std::string>& arguments) {
+void Run(const std::vector<std::string>& arguments) {
   const Structure structure = ReadStructure(arguments.at(0)),
                   other = ReadStructure(arguments.at(1));
   const CaptureFile capture = ReadCapture(arguments.at(2));
@@ -196,12 +195,9 @@ int Run(const std::vector<std::string>& arguments) {
   for (std::size_t i = 0; i < sensors.size(); ++i)
     MeasureSensor(sensors, i, MeasureViews(sensors[i], structure, other), structure);
   MeasurePairs(sensors, structure);
-  return 0;
 }
 
 }  // namespace
 }  // namespace volalign
 
-int main(int argc, char** argv) {
-  return volalign::StatusOf([&] { return volalign::Run({argv + 1, argv + argc}); });
-}
+int main(int argc, char** argv) { volalign::Run({argv + 1, argv + argc}); }

@@ -5,7 +5,6 @@
 #include <fstream>
 #include <iostream>
 
-#include "tests/bench/program.h"
 #include "tests/core/geometry/mesh_shapes.h"
 
 int main(int argc, char** argv) {
@@ -13,11 +12,9 @@ int main(int argc, char** argv) {
     std::cerr << "write_meshes FOLDER\n";
     return 2;
   }
-  return volalign::StatusOf([&] {
-    const std::filesystem::path folder = argv[1];
-    std::filesystem::create_directories(folder);
-    for (const volalign::mesh_shapes::Shape& shape : volalign::mesh_shapes::TenShapes())
-      std::ofstream(folder / (shape.name + ".obj")) << volalign::mesh_shapes::Obj(shape);
-    return 0;
-  });
+  const std::filesystem::path folder = argv[1];
+  std::filesystem::create_directories(folder);
+  for (const volalign::mesh_shapes::Shape& shape : volalign::mesh_shapes::TenShapes())
+    std::ofstream(folder / (shape.name + ".obj")) << volalign::mesh_shapes::Obj(shape);
+  return 0;
 }
