@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
 """Random stacks of boxes, seen by rings of four sensors and calibrated without a model.
 
-  any_boxes.py VOLALIGN FOLDER [--stacks 50] [--first 0] [--sensors realsense_d415 ...] [--empty] [--paper]
+  any_boxes.py VOLALIGN FOLDER [--stacks 50] [--first 0] [--sensors realsense_d415 ...] [--empty]
 
 Each stack has two to eight boxes of a random size, half of them turned by any angle, each on the one before. It is rendered in
 a furnished room (volalign render) with every sensor model and calibrated (volalign calibrate without --model). Printed as
 Markdown: how many sensors were placed of those that see two boxes or more and some floor, how many in all, how many with `ok`
-are over 10 cm or 5 deg off, and the errors. --empty: the same rooms without the stack, in which nothing may be placed. --paper: the
-paper's four boxes instead, for comparison.
+are over 10 cm or 5 deg off, and the errors. --empty: the same rooms without the stack, in which nothing may be placed.
 """
 
 import argparse
@@ -27,8 +26,6 @@ SENSORS = [KINECT, "kinect_v2", "kinect_v1", D415]
 MOST_OFF_M, MOST_OFF_DEG = 0.10, 5  # of a pose that is not wrong
 BOX_SHARE, FLOOR_SHARE = 0.005, 0.02  # of the picture: what counts as seen
 FLOOR_M = 0.03
-PAPER = [("bottom", [-280, 275], [0, 405], [-165, 165], 0), ("mid_bottom", [-280, 50], [405, 810], [-390, 165], 0),
-         ("mid_top", [-505, 50], [810, 1215], [-165, 165], 0), ("top", [-280, 50], [1215, 1620], [-165, 390], 0)]
 
 
 def stack(seed):
@@ -80,7 +77,7 @@ def calibrate(options, seed, sensor):
     folder.mkdir(parents=True, exist_ok=True)
     result = folder / "out" / "extrinsics.json"
     if not result.exists():
-        write_inputs(folder, seed, sensor, PAPER if options.paper else stack(seed))
+        write_inputs(folder, seed, sensor, stack(seed))
         run(options.program, "render", "--rig", folder / "rig.yaml", "-o", folder, *(["--set", "structure_present=false"] if options.empty else []))
         run(options.program, "calibrate", "--capture", folder / "capture.json", "--structure", folder / "stack.yaml", "--model", "none", "-o", folder / "out")
     capture, extrinsics = json.loads((folder / "capture.json").read_text()), json.loads(result.read_text())
@@ -136,7 +133,6 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--sensors", nargs="+", default=SENSORS)
     parser.add_argument("--empty", action="store_true")
-    parser.add_argument("--paper", action="store_true")
     options = parser.parse_args()
     rows = []
     for seed in range(options.first, options.first + options.stacks):
