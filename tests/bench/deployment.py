@@ -22,7 +22,9 @@ import numpy
 from common import D415, KINECT, ROOT, run
 from grey_png import read_png
 
-THREADS = 2
+sys.path.insert(0, str(ROOT / "tests/core/nn"))
+from export_onnx_check import THREADS, onnx_runner, script_runner
+
 # Threads that wait for each other sleep, as in the tests: where other programs run, those that spin took three to six times as long.
 os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
 CHECKPOINT = ROOT / "models/m05-lite.safetensors"
@@ -30,24 +32,7 @@ CHECKPOINT = ROOT / "models/m05-lite.safetensors"
 
 def run_here(model, rounds, folder):
     """In a process of its own: prints ms a frame, and leaves the labels of each size in the folder."""
-    if model.endswith(".onnx"):
-        import onnxruntime
-
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = THREADS
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        scores = lambda depth: session.run(None, {"depth": depth})[0]
-    else:
-        import torch
-
-        torch.set_num_threads(THREADS)
-        script = torch.jit.load(model, map_location="cpu")
-
-        def scores(depth):
-            with torch.no_grad():
-                return script(torch.from_numpy(depth)).numpy()
-
+    scores = (onnx_runner if model.endswith(".onnx") else script_runner)(model)
     frames = {kind: numpy.load(f"{folder}/{kind}.npy") for kind in (KINECT, D415)}
     seconds = []
     for _ in range(rounds + 1):  # the first one makes what is kept

@@ -13,7 +13,6 @@ import sys
 
 import numpy
 
-folder = sys.argv[1]
 THREADS = 2
 LABELS = {"fp32": 0.9999, "fp16": 0.999}  # least share of equal labels among the pixels with depth
 LOG_PROBABILITIES = 1e-3  # of fp32, largest difference
@@ -29,6 +28,7 @@ def onnx_runner(path):
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = THREADS
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
     texts = session.get_modelmeta().custom_metadata_map
     meta = json.loads(texts["volalign.json"])
@@ -54,28 +54,32 @@ def script_runner(path):
     return run
 
 
-failed = False
-cases = 0
-for path in sorted(glob.glob(folder + "/*.onnx") + glob.glob(folder + "/*.ts")):
-    name, precision, ending = os.path.basename(path).rsplit(".", 2)
-    run = onnx_runner(path) if ending == "onnx" else script_runner(path)
-    pixels = same = 0
-    largest = 0.0
-    for depth_path in sorted(glob.glob(folder + "/depth*.f32")):
-        depth = values(depth_path)
-        case = os.path.basename(depth_path).split("_")[0][len("depth") :]
-        (expected_path,) = glob.glob(f"{folder}/{name}.expected{case}_*.f32")
-        expected = values(expected_path)
-        found = run(depth)
-        assert found.shape == expected.shape and found.dtype == numpy.float32, (path, found.shape, expected.shape)
-        measured = depth[:, 0] > 0
-        pixels += int(measured.sum())
-        same += int(((found.argmax(1) == expected.argmax(1)) & measured).sum())
-        largest = max(largest, float(numpy.abs(found - expected).max()))
-        cases += 1
-    share = same / pixels
-    ok = share >= LABELS[precision] and (precision == "fp16" or largest <= LOG_PROBABILITIES)
-    print(f"{os.path.basename(path)}: {pixels} pixels with depth, {share:.6%} labels equal, log-probabilities within {largest:.1e}{'' if ok else ': TOO FAR'}")
-    failed = failed or not ok
-assert cases > 0, "no cases"
-sys.exit(1 if failed else 0)
+def main(folder):
+    failed, cases = False, 0
+    for path in sorted(glob.glob(folder + "/*.onnx") + glob.glob(folder + "/*.ts")):
+        name, precision, ending = os.path.basename(path).rsplit(".", 2)
+        run = onnx_runner(path) if ending == "onnx" else script_runner(path)
+        pixels = same = 0
+        largest = 0.0
+        for depth_path in sorted(glob.glob(folder + "/depth*.f32")):
+            depth = values(depth_path)
+            case = os.path.basename(depth_path).split("_")[0][len("depth") :]
+            (expected_path,) = glob.glob(f"{folder}/{name}.expected{case}_*.f32")
+            expected = values(expected_path)
+            found = run(depth)
+            assert found.shape == expected.shape and found.dtype == numpy.float32, (path, found.shape, expected.shape)
+            measured = depth[:, 0] > 0
+            pixels += int(measured.sum())
+            same += int(((found.argmax(1) == expected.argmax(1)) & measured).sum())
+            largest = max(largest, float(numpy.abs(found - expected).max()))
+            cases += 1
+        share = same / pixels
+        ok = share >= LABELS[precision] and (precision == "fp16" or largest <= LOG_PROBABILITIES)
+        print(f"{os.path.basename(path)}: {pixels} pixels with depth, {share:.6%} labels equal, log-probabilities within {largest:.1e}{'' if ok else ': TOO FAR'}")
+        failed = failed or not ok
+    assert cases > 0, "no cases"
+    return failed
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
