@@ -147,50 +147,39 @@ TEST_F(DatasetSamplesTest, RejectsBadBatches) {
 
 TEST(TrainOnADataset, SaysWhatDoesNotFit) {
   const TempFolder folder;
-  TrainConfig config = SmallRecipe();
-  const auto expect = [&](const TrainConfig& bad, std::initializer_list<std::string> parts) {
-    ExpectError<ConfigError>([&] { Train(bad, QuietRun(folder / "run")); }, parts);
+  const auto at = [&](const std::string& key, const char* name) {
+    return key + "=" + (folder / name).string();
+  };
+  const auto expect = [&](std::vector<std::string> changes,
+                          std::initializer_list<std::string> parts) {
+    changes.insert(changes.begin(), at("run.dataset", "train"));
+    ExpectError<ConfigError>([&] { Train(SmallRecipe(changes), QuietRun(folder / "run")); }, parts);
     EXPECT_FALSE(fs::exists(folder / "run"));
   };
-  config.run.dataset = folder / "missing";
-  ExpectError<IoError>([&] { Train(config, QuietRun(folder / "run")); },
-                       {config.run.dataset, "volalign render"});
+  const TrainConfig missing = SmallRecipe({at("run.dataset", "missing")});
+  ExpectError<IoError>([&] { Train(missing, QuietRun(folder / "run")); },
+                       {missing.run.dataset, "volalign render"});
+  const TrainConfig config = SmallRecipe();
   Write(folder / "train", config, 7, 3, 1);
-  config.run.dataset = folder / "train";
-
-  TrainConfig bad = config;
-  bad.data.noise.models = {"paper"};
-  expect(bad, {config.run.dataset, "data.noise.models = paper (dataset: sensor)"});
-  bad = config;
+  Write(folder / "valid", config, 7, 4, 3);
+  Write(folder / "valid2", config, 9, 4, 4);
   folder.Write(
       "other.yaml",
       "name: other\nboxes:\n  - {name: a, x: [-300, 300], y: [-800, 0], z: [-200, 200]}\n");
-  bad.data.structure = folder / "other.yaml";
-  expect(bad, {"run.dataset", "structure", "other.yaml"});
-  bad = config;
-  bad.run.batch_size = 4;
-  expect(bad, {"run.batch_size = 4"});
-  bad = config;
-  bad.data.image_sizes = {"64x36", "40x36"};
-  expect(bad, {"data.image_sizes"});
-  bad = config;
-  bad.run.validation_seed = 7;
-  expect(bad, {"validation would see training samples", "seed 7"});
-  Write(folder / "valid", config, 7, 4, 3);
-  bad = config;
-  bad.run.validation_dataset = folder / "valid";
-  bad.run.validation_samples = 2;
-  expect(bad, {"validation would see training samples", "training 1 to 3", "validation 3 to 6"});
-  Write(folder / "valid2", config, 9, 4, 4);
-  bad.run.validation_dataset = folder / "valid2";
-  bad.run.validation_samples = 5;
-  expect(bad, {"run.validation_samples = 5", "the 4 samples"});
-  TrainConfig single = config;
-  single.data.sensors = {"azure_kinect_nfov_binned"};
-  single.data.image_sizes = {"40x36"};
-  Write(folder / "few", single, 9, 3);
-  single.run.dataset = folder / "few";
-  single.run.batch_size = 4;
+  expect({"data.noise.models=[paper]"},
+         {(folder / "train").string(), "data.noise.models = paper (dataset: sensor)"});
+  expect({at("data.structure", "other.yaml")}, {"run.dataset", "structure", "other.yaml"});
+  expect({"run.batch_size=4"}, {"run.batch_size = 4"});
+  expect({"data.image_sizes=[64x36, 40x36]"}, {"data.image_sizes"});
+  expect({"run.validation_seed=7"}, {"validation would see training samples", "seed 7"});
+  expect({at("run.validation_dataset", "valid"), "run.validation_samples=2"},
+         {"validation would see training samples", "training 1 to 3", "validation 3 to 6"});
+  expect({at("run.validation_dataset", "valid2"), "run.validation_samples=5"},
+         {"run.validation_samples = 5", "the 4 samples"});
+  const std::vector<std::string> single = {at("run.dataset", "few"), "run.batch_size=4",
+                                           "data.sensors=[azure_kinect_nfov_binned]",
+                                           "data.image_sizes=[40x36]"};
+  Write(folder / "few", SmallRecipe(single), 9, 3);
   expect(single, {"few", "3 samples", "run.batch_size = 4"});
 }
 

@@ -99,8 +99,8 @@ inline TrainConfig ConfigOf(const std::string& yaml) {
 }
 
 /// configs/m05-lite.yaml with a small network on one thread and two samples of 40 x 36 or 64 x 36
-/// pixels a batch.
-inline TrainConfig SmallRecipe() {
+/// pixels a batch. `changes`: KEY=VALUE.
+inline TrainConfig SmallRecipe(const std::vector<std::string>& changes = {}) {
   SetTorchThreads(1);
   ConfigSource source = ConfigSource::FromFile("configs/m05-lite.yaml");
   for (const char* assignment :
@@ -108,6 +108,7 @@ inline TrainConfig SmallRecipe() {
         "run.batch_size=2", "run.samples=24", "run.log_every=2", "run.validation_samples=4",
         "optim.warmup_samples=4", "loss.min_side_pixels=3"})
     source.Set(assignment);
+  for (const std::string& assignment : changes) source.Set(assignment);
   return ReadTrainConfig(source);
 }
 
