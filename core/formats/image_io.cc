@@ -4,12 +4,14 @@
 #include <png.h>
 
 #include <algorithm>
-#include <cctype>
+#include <charconv>
 #include <cmath>
 #include <csetjmp>
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <type_traits>
 #include <unordered_map>
 #include <utility>
@@ -154,97 +156,48 @@ std::string Encode(const Encoding& of) {
   return bytes;
 }
 
-/// Reads PGM headers' and P2's numbers: white space and # comments between them.
-class PgmScanner {
- public:
-  PgmScanner(const std::string& bytes, const std::string& name) : bytes_(bytes), name_(name) {}
-
-  long Number(const char* what) {
-    while (at_ < bytes_.size()) {
-      if (bytes_[at_] == '#') {
-        while (at_ < bytes_.size() && bytes_[at_] != '\n') ++at_;
-      } else if (std::isspace(static_cast<unsigned char>(bytes_[at_]))) {
-        ++at_;
-      } else {
-        break;
-      }
-    }
-    if (at_ >= bytes_.size())
-      throw DataError(fmt::format("{}: truncated PGM: {} is missing", name_, what));
-    long value = 0;
-    std::size_t digits = 0;
-    while (at_ < bytes_.size() && std::isdigit(static_cast<unsigned char>(bytes_[at_])) &&
-           digits < 9) {
-      value = 10 * value + (bytes_[at_++] - '0');
-      ++digits;
-    }
-    if (digits == 0 || (at_ < bytes_.size() && bytes_[at_] != '#' && !AtSpace())) {
-      throw DataError(
-          fmt::format("{}: bad PGM: byte {} is not part of a number ({})", name_, at_, what));
-    }
-    return value;
-  }
-  void Skip(std::size_t n) { at_ += n; }
-  /// The single white space between a binary file's header and its pixels.
-  void SkipSpace() {
-    if (at_ < bytes_.size() && !AtSpace())
-      throw DataError(fmt::format("{}: bad PGM: no white space ends the header", name_));
-    ++at_;
-  }
-  std::size_t at() const { return at_; }
-
- private:
-  bool AtSpace() const { return std::isspace(static_cast<unsigned char>(bytes_[at_])); }
-
-  const std::string& bytes_;
-  const std::string& name_;
-  std::size_t at_ = 0;
-};
-
-void RequireAtMost(long value, long maximum, std::size_t pixel, const std::string& name) {
-  if (value <= maximum) return;
-  throw DataError(
-      fmt::format("{}: bad PGM: pixel {} has {} > maximum {}", name, pixel, value, maximum));
-}
-
 Image16 DecodePgm(const std::string& bytes, const std::string& name) {
-  PgmScanner scanner(bytes, name);
+  const auto fail = [&](const std::string& why) { throw DataError(name + ": " + why); };
+  constexpr std::string_view kEnds = " \t\n\v\f\r#", kSpace = kEnds.substr(0, 6);
   const bool ascii = bytes[1] == '2';
-  scanner.Skip(2);
-  const long width = scanner.Number("width"), height = scanner.Number("height");
-  const long maximum = scanner.Number("maximum");
-  if (width <= 0 || height <= 0 || width > kMaxSide || height > kMaxSide) {
-    throw DataError(fmt::format("{}: bad PGM: size {}x{}", name, width, height));
-  }
-  if (maximum <= 0 || maximum > 65535) {
-    throw DataError(
-        fmt::format("{}: bad PGM: maximum {} violates 0 < maximum < 65536", name, maximum));
-  }
+  std::size_t at = 2;
+  // The next number, behind white space and # comments.
+  const auto number = [&](const char* what) -> long {
+    at = bytes.find_first_not_of(kSpace, at);
+    while (at < bytes.size() && bytes[at] == '#')
+      at = bytes.find_first_not_of(kSpace, bytes.find('\n', at));
+    if (at >= bytes.size()) fail(fmt::format("truncated PGM: {} is missing", what));
+    unsigned value = 0;
+    const char* const begin = bytes.data();
+    const auto [rest, error] = std::from_chars(begin + at, begin + bytes.size(), value);
+    at = static_cast<std::size_t>(rest - begin);
+    if (error != std::errc() || (at < bytes.size() && kEnds.find(bytes[at]) == kEnds.npos))
+      fail(fmt::format("bad PGM: byte {} is not part of a number ({})", at, what));
+    return value;
+  };
+  const long width = number("width"), height = number("height"), maximum = number("maximum");
+  if (width == 0 || height == 0 || width > kMaxSide || height > kMaxSide)
+    fail(fmt::format("bad PGM: size {}x{}", width, height));
+  if (maximum == 0 || maximum > 65535)
+    fail(fmt::format("bad PGM: maximum {} violates 0 < maximum < 65536", maximum));
+  if (!ascii && at < bytes.size() && kSpace.find(bytes[at]) == kSpace.npos)
+    fail("bad PGM: no white space ends the header");
+  if (!ascii) ++at;  // a single one
   const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   const std::size_t sample = !ascii && maximum > 255 ? 2 : 1;
-  if (!ascii) scanner.SkipSpace();
-  const std::size_t left = bytes.size() - std::min(bytes.size(), scanner.at());
-  if (left < count * sample) {
-    throw DataError(fmt::format("{}: truncated PGM: {} bytes hold no {}x{} pixels of {} bytes",
-                                name, left, width, height, sample));
-  }
-  if (count > kMaxPixels) {
-    throw DataError(
-        fmt::format("{}: bad PGM: {}x{} are more than {} pixels", name, width, height, kMaxPixels));
-  }
+  const std::size_t left = bytes.size() - std::min(bytes.size(), at);
+  if (left < count * sample)
+    fail(fmt::format("truncated PGM: {} bytes hold no {}x{} pixels of {} bytes", left, width,
+                     height, sample));
+  if (count > kMaxPixels)
+    fail(fmt::format("bad PGM: {}x{} are more than {} pixels", width, height, kMaxPixels));
   Image16 image(static_cast<int>(width), static_cast<int>(height));
-  if (ascii) {
-    for (std::size_t i = 0; i < image.size(); ++i) {
-      const long value = scanner.Number("a pixel");
-      RequireAtMost(value, maximum, i, name);
-      image[i] = static_cast<std::uint16_t>(value);
-    }
-    return image;
-  }
-  const auto* p = reinterpret_cast<const std::uint8_t*>(bytes.data()) + scanner.at();
-  for (std::size_t i = 0; i < image.size(); ++i, p += sample) {
-    const long value = sample == 2 ? (p[0] << 8 | p[1]) : p[0];
-    RequireAtMost(value, maximum, i, name);
+  const auto* const pixels = reinterpret_cast<const std::uint8_t*>(bytes.data()) + at;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::uint8_t* const p = pixels + i * sample;
+    const long value = ascii ? number("a pixel") : sample == 2 ? p[0] << 8 | p[1] : p[0];
+    if (value > maximum)
+      fail(fmt::format("bad PGM: pixel {} has {} > maximum {}", i, value, maximum));
     image[i] = static_cast<std::uint16_t>(value);
   }
   return image;
