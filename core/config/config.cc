@@ -402,27 +402,18 @@ void ConfigReader::RequireSize(const ConfigSource::Leaf& leaf, std::size_t size,
 
 int ConfigReader::CountItems(const std::string& key) const {
   const std::string prefix = key + "[";
-  std::map<std::uint64_t, const std::pair<const std::string, ConfigSource::Leaf>*> items;
+  std::uint64_t count = 0;
+  while (source_.Find(fmt::format("{}{}]", prefix, count))) ++count;
   for (auto it = source_.leaves_.lower_bound(prefix);
        it != source_.leaves_.end() && it->first.compare(0, prefix.size(), prefix) == 0; ++it) {
-    const char* const begin = it->first.data() + prefix.size();
+    std::uint64_t index = count;
     const char* const end = it->first.data() + it->first.size();
-    std::uint64_t index = 0;
-    const auto result = std::from_chars(begin, end, index);
-    if (result.ec != std::errc() || result.ptr == end || *result.ptr != ']') {
-      throw ConfigError(fmt::format("{} has no index: {}[0] is the first item ({})", it->first, key,
-                                    it->second.where));
-    }
-    items.emplace(index, &*it);
-  }
-  std::uint64_t count = 0;
-  for (const auto& [index, leaf] : items) {
-    if (index != count) {
+    const auto [rest, error] = std::from_chars(it->first.data() + prefix.size(), end, index);
+    if (error != std::errc() || rest == end || *rest != ']' || index >= count) {
       throw ConfigError(
           fmt::format("indices of {} have to be 0, 1, 2, ... without gaps: {}[{}] is missing ({})",
-                      leaf->first, key, count, leaf->second.where));
+                      it->first, key, count, it->second.where));
     }
-    ++count;
   }
   return static_cast<int>(count);
 }

@@ -150,9 +150,9 @@ TEST(ReadConfig, ItemsOfAListAreNumberedWithoutAGap) {
     ExpectError<ConfigError>([&] { ReadConfig<Config>(source); }, parts);
   };
   expect_bad("sensors[2].name", {"sensors[2].name", "sensors[1] is missing", "--set"});
-  expect_bad("sensors[].name", {"sensors[].name", "sensors[0] is the first"});
-  expect_bad("sensors[-1].name", {"sensors[-1].name", "sensors[0] is the first"});
-  expect_bad("sensors[1x].name", {"sensors[1x].name", "sensors[0] is the first"});
+  expect_bad("sensors[].name", {"sensors[].name", "sensors[1] is missing"});
+  expect_bad("sensors[-1].name", {"sensors[-1].name", "sensors[1] is missing"});
+  expect_bad("sensors[1x].name", {"sensors[1x].name", "sensors[1] is missing"});
   // Memory is taken for items that are there, not for what an index says.
   for (const char* index : {"999999999", "18446744073709551615", "99999999999999999999999"}) {
     const std::string key = "sensors[" + std::string(index) + "].name";
