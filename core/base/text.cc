@@ -32,32 +32,6 @@ bool IsFormula(const std::string& text) {
   return begin > 0 || !NumberOf(cell);
 }
 
-/// A character of UTF-8; 0 bytes if there is none.
-struct Letter {
-  std::uint32_t code = 0;
-  std::size_t bytes = 0;
-};
-
-/// The character at `at` by RFC 3629: in the fewest bytes, no half of a pair of UTF-16.
-Letter LetterAt(const std::string& text, std::size_t at) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
-  if (byte(0) < 0x80) return {byte(0), 1};
-  const std::size_t bytes = byte(0) < 0xc2   ? 0
-                            : byte(0) < 0xe0 ? 2
-                            : byte(0) < 0xf0 ? 3
-                            : byte(0) < 0xf5 ? 4
-                                             : 0;
-  if (bytes == 0 || at + bytes > text.size()) return {};
-  std::uint32_t code = byte(0) & (0xffU >> (bytes + 1));
-  for (std::size_t i = 1; i < bytes; ++i) {
-    if ((byte(i) & 0xc0) != 0x80) return {};
-    code = code << 6 | (byte(i) & 0x3fU);
-  }
-  constexpr std::uint32_t kLeast[] = {0x80, 0x800, 0x10000};
-  if (code < kLeast[bytes - 2] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return {};
-  return {code, bytes};
-}
-
 /// Beginning of the UTF-8 character that contains the byte `at`.
 std::size_t LetterBegin(const std::string& text, std::size_t at) {
   while (at > 0 && (static_cast<unsigned char>(text[at]) & 0xc0) == 0x80) --at;
@@ -77,6 +51,25 @@ bool IsHidden(std::uint32_t code) {
 }
 
 }  // namespace
+
+Letter LetterAt(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[at + i]); };
+  if (byte(0) < 0x80) return {byte(0), 1};
+  const std::size_t bytes = byte(0) < 0xc2   ? 0
+                            : byte(0) < 0xe0 ? 2
+                            : byte(0) < 0xf0 ? 3
+                            : byte(0) < 0xf5 ? 4
+                                             : 0;
+  if (bytes == 0 || at + bytes > text.size()) return {};
+  std::uint32_t code = byte(0) & (0xffU >> (bytes + 1));
+  for (std::size_t i = 1; i < bytes; ++i) {
+    if ((byte(i) & 0xc0) != 0x80) return {};
+    code = code << 6 | (byte(i) & 0x3fU);
+  }
+  constexpr std::uint32_t kLeast[] = {0x80, 0x800, 0x10000};
+  if (code < kLeast[bytes - 2] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return {};
+  return {code, bytes};
+}
 
 std::string Lower(std::string text) {
   for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -122,8 +115,6 @@ std::string Indented(const std::string& text, const std::string& indent) {
     indented += (line.empty() ? "" : indent + line) + "\n";
   return indented;
 }
-
-bool HasControlCharacters(const std::string& text) { return Printable(text) != text; }
 
 std::string Printable(const std::string& text) {
   std::string printable;
@@ -188,7 +179,7 @@ std::string MessageLine(const std::string& text) {
 }
 
 bool IsPlainName(const std::string& name) {
-  return name.size() <= kMostNameBytes && !HasControlCharacters(name);
+  return name.size() <= kMostNameBytes && Printable(name) == name;
 }
 
 void RequirePlainName(const std::string& name, const std::string& place) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <filesystem>
 #include <string>
@@ -24,12 +25,17 @@ std::string Wrapped(const std::string& text, std::size_t width);
 /// Puts `indent` before every line that is not empty. Every line is ended.
 std::string Indented(const std::string& text, const std::string& indent);
 
-/// Whether Printable changes the text.
-bool HasControlCharacters(const std::string& text);
-
 /// The text as a person sees it, in UTF-8 for any bytes. Control characters and bytes that are no
 /// UTF-8 become \xNN. Characters that turn, break or hide their neighbours become \uNNNN.
 std::string Printable(const std::string& text);
+
+/// A character of UTF-8; 0 bytes if there is none.
+struct Letter {
+  std::uint32_t code = 0;
+  std::size_t bytes = 0;
+};
+/// The character at `at` by RFC 3629: in the fewest bytes, no half of a pair of UTF-16.
+Letter LetterAt(const std::string& text, std::size_t at);
 
 bool IsUtf8(const std::string& text);
 /// Throws DataError, which begins with `what`, for a text that is not UTF-8. For paths and texts of

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <vector>
+
+#include "core/base/text.h"
 
 namespace volalign {
 
@@ -54,39 +55,25 @@ const char* GlyphOf(std::uint32_t character) {
   return kGlyphs + 1 + index * kTextHeight + index / kPerLine;
 }
 
-/// Code points; a byte that is not UTF-8 is an unknown character.
-std::vector<std::uint32_t> Characters(const std::string& text) {
-  std::vector<std::uint32_t> characters;
-  int following = 0;
-  for (const char c : text) {
-    const auto byte = static_cast<std::uint8_t>(c);
-    if ((byte & 0xc0) == 0x80 && following > 0) {
-      characters.back() = characters.back() << 6 | (byte & 0x3f);
-      --following;
-      continue;
-    }
-    following = byte >= 0xf0 ? 3 : byte >= 0xe0 ? 2 : byte >= 0xc0 ? 1 : 0;
-    constexpr std::uint32_t kNone = 0xffff;
-    const std::uint32_t first = following > 0 ? byte & (0x3f >> following) : byte;
-    characters.push_back(following == 0 && byte >= 0x80 ? kNone : first);
-  }
-  return characters;
-}
+bool BeginsCharacter(char c) { return (static_cast<std::uint8_t>(c) & 0xc0) != 0x80; }
 
 }  // namespace
 
-int CountCharacters(const std::string& text) { return static_cast<int>(Characters(text).size()); }
+int CountCharacters(const std::string& text) {
+  return static_cast<int>(std::count_if(text.begin(), text.end(), BeginsCharacter));
+}
 
 void DrawText(RgbImage* picture, int left, int top, const std::string& text, Rgb colour) {
-  for (const std::uint32_t character : Characters(text)) {
-    const char* const glyph = GlyphOf(character);
+  for (std::size_t i = 0; i < text.size(); left += kTextWidth) {
+    const Letter letter = LetterAt(text, i);
+    const char* const glyph = letter.bytes > 0 ? GlyphOf(letter.code) : kUnknown;
+    i += std::max<std::size_t>(letter.bytes, 1);
     for (int v = 0; v < kTextHeight; ++v) {
       for (int u = 0; u < kTextWidth; ++u) {
         const bool ink = (glyph[v] - '0') >> (kTextWidth - 1 - u) & 1;
         if (ink && picture->Contains(left + u, top + v)) (*picture)(left + u, top + v) = colour;
       }
     }
-    left += kTextWidth;
   }
 }
 
@@ -95,8 +82,7 @@ std::string Shortened(const std::string& text, int most) {
   std::string shortened;
   int count = 0;
   for (const char c : text) {
-    const bool begins = (static_cast<std::uint8_t>(c) & 0xc0) != 0x80;
-    if (begins && ++count > most - 2) break;
+    if (BeginsCharacter(c) && ++count > most - 2) break;
     shortened += c;
   }
   return shortened + "..";
