@@ -53,49 +53,59 @@ std::string NameOf(const aiString& given, const std::string& otherwise,
   return unique;
 }
 
-/// The document of a .gltf or .glb.
-std::string GltfDocument(const std::string& bytes) {
-  constexpr std::size_t kHeader = 20;  // of the file and of its first chunk
-  if (bytes.compare(0, 4, "glTF") != 0) return bytes;
-  if (bytes.size() < kHeader) throw DataError("it is cut off");
-  std::uint32_t size = 0;
-  std::memcpy(&size, bytes.data() + 12, sizeof size);
-  return bytes.substr(kHeader, size);
-}
-
-/// Throws DataError for a document whose nodes Assimp would visit more often or deeper than is
-/// safe.
-void RequireShallow(const std::string& document) {
+/// Throws DataError for a .gltf or .glb that Assimp might read otherwise than by the standard, or
+/// whose nodes it would visit more often or deeper than is safe.
+void RequireShallow(const std::string& bytes) {
+  using Json = nlohmann::json;
+  constexpr std::size_t kHeader = 20;  // of a .glb and of its first chunk
   constexpr int kDeepest = 64;
-  int depth = 0;
-  bool in_text = false;
-  for (std::size_t i = 0; i < document.size(); ++i) {
-    const char c = document[i];
-    if (in_text && c == '\\') ++i;
-    if (c == '"') in_text = !in_text;
-    if (in_text) continue;
-    if (c == '[' || c == '{') ++depth;
-    if (c == ']' || c == '}') --depth;
+  constexpr double kMostVertices = 5e7;  // with their normals and other attributes
+  std::string document = bytes;
+  if (bytes.compare(0, 4, "glTF") == 0) {
+    if (bytes.size() < kHeader) throw DataError("it is cut off");
+    std::uint32_t size = 0;
+    std::memcpy(&size, bytes.data() + 12, sizeof size);
+    document = bytes.substr(kHeader, size);
+  }
+  document.resize(document.find_last_not_of('\0') + 1);  // with which some programs pad it
+  std::vector<std::set<std::string>> keys;               // of the objects that are open
+  const auto check = [&](int depth, Json::parse_event_t event, const Json& parsed) {
     if (depth > kDeepest)
       throw DataError(fmt::format("it is nested deeper than {} levels", kDeepest));
-  }
-  const auto json = nlohmann::json::parse(document, nullptr, false);
-  if (!json.is_object() || !json.contains("nodes") || !json["nodes"].is_array()) return;
-  const auto& nodes = json["nodes"];
-  std::vector<int> parent(nodes.size(), -1);
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    if (!nodes[i].is_object() || !nodes[i].contains("children")) continue;
-    for (const auto& child : nodes[i]["children"]) {
-      if (!child.is_number_unsigned() || child.get<std::size_t>() >= nodes.size() ||
-          std::exchange(parent[child.get<std::size_t>()], static_cast<int>(i)) >= 0)
-        throw DataError("a node is the child of two nodes, or of none that there is");
+    if (event == Json::parse_event_t::object_start) keys.emplace_back();
+    if (event == Json::parse_event_t::object_end) keys.pop_back();
+    if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get<std::string>()).second)
+      throw DataError(fmt::format("the key {} stands twice in one object", parsed.dump()));
+    return true;
+  };
+  try {
+    const Json json = Json::parse(document, check);
+    const Json nodes = json.value("nodes", Json::array()),
+               accessors = json.value("accessors", Json::array());
+    if (!nodes.is_array()) throw DataError("its nodes are no list: glTF 2 is read");
+    std::vector<int> parent(nodes.size(), -1);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      for (const Json& child : nodes[i].value("children", Json::array())) {
+        if (!child.is_number_unsigned() || child >= nodes.size() ||
+            std::exchange(parent[child.get<std::size_t>()], static_cast<int>(i)) >= 0)
+          throw DataError("a node is the child of two nodes, or of none that there is");
+      }
     }
-  }
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    int levels = 0;
-    for (int at = static_cast<int>(i); at >= 0; at = parent[static_cast<std::size_t>(at)])
-      if (++levels > kDeepest)
-        throw DataError(fmt::format("its nodes are nested deeper than {} levels", kDeepest));
+    for (int at : parent) {
+      for (int levels = 2; at >= 0; at = parent[static_cast<std::size_t>(at)])
+        if (levels++ > kDeepest)
+          throw DataError(fmt::format("its nodes are nested deeper than {} levels", kDeepest));
+    }
+    double vertices = 0;  // Assimp copies those of each primitive, also where many have the same
+    for (const Json& mesh : json.value("meshes", Json::array()))
+      for (const Json& primitive : mesh.value("primitives", Json::array()))
+        for (const Json& number : primitive.flatten())
+          if (number.is_number_unsigned() && number < accessors.size())
+            vertices += accessors[number.get<std::size_t>()].value("count", 0.0);
+    if (vertices > kMostVertices)
+      throw DataError(fmt::format("its primitives have more than {:g} vertices", kMostVertices));
+  } catch (const Json::exception&) {
+    throw DataError("its JSON has a fault");
   }
 }
 
@@ -202,7 +212,7 @@ std::vector<Box> ReadMeshParts(const std::filesystem::path& path, const MeshUnit
   const std::string ending = EndingOf(path);
   if (!IsMeshFile(path)) throw DataError("a mesh is a .glb, .gltf, .obj, .stl or .ply file");
   const std::string bytes = ReadFile(path.string(), kMaxResultBytes);
-  if (ending == ".gltf" || ending == ".glb") RequireShallow(GltfDocument(bytes));
+  if (ending == ".gltf" || ending == ".glb") RequireShallow(bytes);
   if (ending == ".ply") RequirePromised(bytes);
   Assimp::Importer importer;
   importer.SetIOHandler(new OnlyBeside(path));  // which it owns

@@ -259,6 +259,15 @@ TEST(MeshFile, RefusesWhatWouldTakeTheMachine) {
   refuses("chain.gltf", R"({"nodes":[)" + chain + "{}]}", "nested deeper than 64");
   refuses("graph.gltf", R"({"nodes":[)" + graph + "{}]}", "the child of two nodes");
   refuses("ring.gltf", R"({"nodes":[{"children":[0]}]})", "nested deeper than 64");
+  // Assimp takes the first of two keys, and reads bytes that are not UTF-8 and glTF 1.
+  refuses("twice.gltf", R"({"nodes":[{"children":[0]}],"nodes":[{}]})", "\"nodes\" stands twice");
+  refuses("latin1.gltf", "{\"nodes\":[{\"children\":[0],\"name\":\"\xff\"}]}", "JSON has a fault");
+  refuses("one.gltf", R"({"nodes":{"a":{"children":["a"]}}})", "glTF 2 is read");
+  std::string primitives;
+  for (int i = 0; i < 100; ++i) primitives += R"({"attributes":{"POSITION":0}},)";
+  refuses("shared.gltf",
+          R"({"accessors":[{"count":1000000}],"meshes":[{"primitives":[)" + primitives + "{}]}]}",
+          "more than 5e+07 vertices");
   refuses("lies.ply", "ply\nformat ascii 1.0\nelement vertex 800000000\nend_header\n", "cut off");
   refuses("passwd", "root", "a mesh is a .glb");
 }
