@@ -7,34 +7,6 @@
 
 namespace volalign {
 
-namespace {
-
-/// nanoflann's result set for one neighbour within a distance.
-struct NearestWithin {
-  using DistanceType = double;
-  using IndexType = std::uint32_t;
-
-  explicit NearestWithin(double max_distance)
-      : worst(
-            std::nextafter(max_distance * max_distance, std::numeric_limits<double>::infinity())) {}
-  double worstDist() const { return worst; }
-  bool addPoint(double squared_distance, std::uint32_t index) {
-    if (!(squared_distance < worst)) return true;  // the limit fell since its leaf was opened
-    nearest = {static_cast<int>(index), squared_distance};
-    worst = squared_distance;
-    return true;
-  }
-  bool full() const { return nearest.index >= 0; }
-  std::size_t size() const { return full() ? 1 : 0; }
-  bool empty() const { return !full(); }
-  void sort() const {}
-
-  KdTree::Neighbour nearest;
-  double worst;  // only nearer points are taken
-};
-
-}  // namespace
-
 struct KdTree::Index {
   struct Points {
     std::vector<Eigen::Vector3d> points;
@@ -66,9 +38,14 @@ KdTree::KdTree(KdTree&&) noexcept = default;
 KdTree& KdTree::operator=(KdTree&&) noexcept = default;
 
 KdTree::Neighbour KdTree::Nearest(const Eigen::Vector3d& p, double max_distance) const {
-  NearestWithin found(max_distance);
+  std::uint32_t index = 0;
+  // nanoflann takes points that are nearer than what the list of results ends with.
+  double squared = 0;
+  nanoflann::KNNResultSet<double, std::uint32_t> found(1);
+  found.init(&index, &squared);
+  squared = std::nextafter(max_distance * max_distance, std::numeric_limits<double>::infinity());
   index_->tree.findNeighbors(found, p.data(), {});
-  return found.nearest;
+  return found.full() ? Neighbour{static_cast<int>(index), squared} : Neighbour{};
 }
 
 }  // namespace volalign
