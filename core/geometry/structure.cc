@@ -29,17 +29,6 @@ constexpr double kMostStrips = 1e4;    // wider strips on sides of more than 20 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kFarthest = 1e3;  // m, of a box from the structure's origin
 
-struct FaceAxes {
-  Eigen::Vector3d normal, u, v;
-};
-
-FaceAxes AxesOf(Face face) {
-  const int axis = static_cast<int>(face) / 2;
-  const auto unit = [axis](int k) { return Eigen::Vector3d::Unit((axis + k) % 3); };
-  if (static_cast<int>(face) % 2 == 0) return {unit(0), unit(1), unit(2)};
-  return {-unit(0), unit(2), unit(1)};
-}
-
 /// The part of the line origin + v * direction (in a box's frame) inside the box.
 std::pair<double, double> InsideBox(const Eigen::Vector3d& half, const Eigen::Vector3d& origin,
                                     const Eigen::Vector3d& direction) {
@@ -166,14 +155,34 @@ void ComputeExposure(const std::vector<Box>& boxes, Side* side) {
   }
 }
 
-/// A side of a mesh. `index`: of the facet.
-Side FacetSide(const Box& box, int index) {
-  const Facet& facet = box.mesh->facets()[static_cast<std::size_t>(index)];
+/// A side of a part in its own frame, of a mesh not scaled. `index`: among the part's sides.
+Facet FacetOf(const Box& box, int index) {
+  if (box.mesh) return box.mesh->facets()[static_cast<std::size_t>(index)];
+  const int axis = index / 2;
+  const bool positive = index % 2 == 0;
+  const auto unit = [axis](int k) { return Eigen::Vector3d::Unit((axis + k) % 3); };
+  Facet face;
+  face.labelled = kFaces.at(static_cast<std::size_t>(index)) != Face::kDown;
+  face.normal = positive ? unit(0) : Eigen::Vector3d(-unit(0));
+  face.axis_u = unit(positive ? 1 : 2);
+  face.axis_v = unit(positive ? 2 : 1);
+  face.half_u = box.size.dot(face.axis_u) / 2;
+  face.half_v = box.size.dot(face.axis_v) / 2;
+  face.centre = face.normal * (box.size[axis] / 2);
+  return face;
+}
+
+/// `index`: of the side among its box's.
+Side MakeSide(const std::vector<Box>& boxes, int box_index, int index) {
+  const Box& box = boxes[static_cast<std::size_t>(box_index)];
+  const Facet facet = FacetOf(box, index);
   const Eigen::Matrix3d& r = box.structure_from_box.linear();
-  const double scale = box.MeshScale();
+  const double scale = box.mesh ? box.MeshScale() : 1;
   Side side;
+  side.name = fmt::format(
+      "{}/{}", box.name, box.mesh ? std::to_string(index + 1) : ToString(static_cast<Face>(index)));
+  side.box = box_index;
   side.index = index;
-  side.name = fmt::format("{}/{}", box.name, index + 1);
   side.normal = r * facet.normal;
   side.axis_u = r * facet.axis_u;
   side.axis_v = r * facet.axis_v;
@@ -183,36 +192,6 @@ Side FacetSide(const Box& box, int index) {
   side.outline = facet.outline;
   side.outline_scale = scale;
   return side;
-}
-
-/// `index`: of the side among its box's.
-Side MakeSide(const std::vector<Box>& boxes, int box_index, int index) {
-  const Box& box = boxes[static_cast<std::size_t>(box_index)];
-  if (box.mesh) {
-    Side side = FacetSide(box, index);
-    side.box = box_index;
-    return side;
-  }
-  const Face face = kFaces.at(static_cast<std::size_t>(index));
-  const FaceAxes axes = AxesOf(face);
-  Side side;
-  side.name = box.name + "/" + ToString(face);
-  side.box = box_index;
-  side.index = index;
-  const Eigen::Matrix3d& r = box.structure_from_box.linear();
-  side.normal = r * axes.normal;
-  side.axis_u = r * axes.u;
-  side.axis_v = r * axes.v;
-  side.half_u = std::abs(box.size.dot(axes.u)) / 2;
-  side.half_v = std::abs(box.size.dot(axes.v)) / 2;
-  side.centre = box.structure_from_box *
-                Eigen::Vector3d(axes.normal * std::abs(box.size.dot(axes.normal)) / 2);
-  return side;
-}
-
-bool HasLabel(const Box& box, const Side& side) {
-  return box.mesh ? box.mesh->facets()[static_cast<std::size_t>(side.index)].labelled
-                  : side.face() != Face::kDown;
 }
 
 }  // namespace
@@ -399,7 +378,8 @@ Structure Structure::FromBoxes(std::string name, std::vector<Box> boxes,
   std::vector<std::string> order = label_order;
   for (int i = 0; i < static_cast<int>(structure.sides_.size()); ++i) {
     const Side& side = structure.sides_[static_cast<std::size_t>(i)];
-    if (!HasLabel(structure.boxes_[static_cast<std::size_t>(side.box)], side)) continue;
+    if (!FacetOf(structure.boxes_[static_cast<std::size_t>(side.box)], side.index).labelled)
+      continue;
     index_of[side.name] = i;
     if (label_order.empty()) order.push_back(side.name);
   }
