@@ -7,18 +7,18 @@
 #include <unistd.h>
 
 #include <Eigen/Core>
-#include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <set>
-#include <sstream>
 #include <string>
+#include <utility>
 
 #include "cli/commands.h"
 #include "cli/table_output.h"
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/base/processor.h"
 #include "core/base/progress_line.h"
 #include "core/base/provenance.h"
 #include "core/geometry/structure.h"
@@ -31,24 +31,6 @@
 namespace volalign {
 
 namespace {
-
-/// The findings, and how much of them is in the way.
-class Findings {
- public:
-  void Say(const std::string& what, const std::string& text) {
-    table_.rows.push_back({what, text, false});
-  }
-  void Miss(const std::string& what, const std::string& text) {
-    table_.rows.push_back({what, "MISSING: " + text, true});
-    ++missing_;
-  }
-  int missing() const { return missing_; }
-  const Table& table() const { return table_; }
-
- private:
-  Table table_{{"part", "found", {"missing", ""}}, {}};
-  int missing_ = 0;
-};
 
 std::string Libraries() {
   std::string text = fmt::format(
@@ -64,79 +46,78 @@ std::string Libraries() {
   return text;
 }
 
-void CheckLibraries(Findings* findings) {
-  findings->Say("libraries", Libraries());
-  findings->Say("compiler", fmt::format("{}, C++{}", __VERSION__, __cplusplus / 100 % 100));
-}
-
-/// The value of a line "key : value" of /proc/cpuinfo.
-std::string CpuInfo(const std::string& key) {
+/// Its name, and the instruction sets for which there are kernels. Throws Error if it has not those
+/// of the program.
+std::string ProcessorText() {
+#ifdef __SSE4_2__
+  if (!__builtin_cpu_supports("sse4.2"))
+    throw Error("a processor with SSE 4.2, for which this program was built");
+#endif
+  std::string name = "unknown";
   std::ifstream file("/proc/cpuinfo");
   for (std::string line; std::getline(file, line);) {
-    if (line.rfind(key, 0) == 0 && line.find(':') != std::string::npos)
-      return line.substr(line.find(':') + 2);
+    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos)
+      name = line.substr(line.find(": ") + 2);
   }
-  return "";
+  const Processor& processor = ThisProcessor();
+  std::string sets;
+  for (const auto& [has, set] : {std::pair(processor.avx2, "AVX2"), {processor.avx512, "AVX-512"}})
+    if (has) sets += std::string(", ") + set;
+  return fmt::format("{}, {} cores, {} threads for LibTorch{}", name,
+                     ::sysconf(_SC_NPROCESSORS_ONLN), at::get_num_threads(), sets);
 }
 
-void CheckProcessor(Findings* findings) {
-  std::istringstream words(CpuInfo("flags"));
-  std::set<std::string> flags;
-  for (std::string word; words >> word;) flags.insert(word);
-  std::string found;
-  for (const char* flag : {"sse4_2", "avx", "avx2", "fma", "avx512f"}) {
-    if (flags.count(flag)) found += std::string(found.empty() ? "" : " ") + flag;
-  }
-  const std::string name = CpuInfo("model name");
-  findings->Say("processor",
-                fmt::format("{}, {} cores, {} threads for LibTorch, {}",
-                            name.empty() ? "unknown" : name, ::sysconf(_SC_NPROCESSORS_ONLN),
-                            at::get_num_threads(), found.empty() ? "no known extensions" : found));
-#ifdef __SSE4_2__
-  if (!flags.empty() && !flags.count("sse4_2"))
-    findings->Miss("processor", "SSE 4.2, for which this program was built");
-#endif
+std::string GpuText() {
+  if (!at::hasCUDA())
+    return "none that LibTorch can use; training and networks run on the processor";
+  return fmt::format("LibTorch sees CUDA, {} devices", at::detail::getCUDAHooks().getNumGPUs());
 }
 
-void CheckRenderer(Findings* findings) {
-  try {
-    findings->Say("renderer", ChooseRenderers("egl").description);
-  } catch (const Error& error) {
-    findings->Miss("renderer", error.what());
-  }
+std::string DataText() {
+  if (!DataFolder().empty()) return DataFolder();
+  throw Error(
+      "no folder with configs and models was found; --data-dir or VOLALIGN_DATA_DIR names it");
 }
 
-void CheckGpu(Findings* findings) {
-  if (!at::hasCUDA()) {
-    findings->Say("GPU", "none that LibTorch can use; training and networks run on the processor");
-    return;
-  }
-  findings->Say("GPU", fmt::format("LibTorch sees CUDA, {} devices",
-                                   at::detail::getCUDAHooks().getNumGPUs()));
+std::string StructureText() {
+  const Structure structure = ReadStructure(FindInputFile("configs/structure.yaml"));
+  return fmt::format("{}, {}", structure.name(), structure.CountedParts());
 }
 
-void CheckData(const std::string& model_path, Findings* findings) {
-  if (DataFolder().empty()) {
-    findings->Miss("data folder",
-                   "no folder with configs and models was found; --data-dir or VOLALIGN_DATA_DIR "
-                   "names it");
-  } else {
-    findings->Say("data folder", DataFolder());
+std::string ModelText(const std::string& path) {
+  const LoadedModel model = LoadCheckpoint(path);
+  return fmt::format("{}: {} classes, {} training samples", FindInputFile(path),
+                     model.meta.structure.num_classes(), model.meta.samples);
+}
+
+/// What there is of each part. The functions throw Error if it is missing.
+int RunDoctor(const std::string& model, const TableOutput& output) {
+  const std::pair<std::string, std::function<std::string()>> parts[] = {
+      {"volalign", Tool},
+      {"libraries", Libraries},
+      {"compiler", [] { return fmt::format("{}, C++{}", __VERSION__, __cplusplus / 100 % 100); }},
+      {"processor", ProcessorText},
+      {"renderer", [] { return ChooseRenderers("egl").description; }},
+      {"GPU", GpuText},
+      {"data folder", DataText},
+      {"structure", StructureText},
+      {"model", [&] { return ModelText(model); }}};
+  Table table{{"part", "found", {"missing", ""}}, {}};
+  bool complete = true;
+  ProgressLine line;
+  line.Begin("looking at libraries, renderer, data and model");
+  for (const auto& [part, find] : parts) {
+    try {
+      table.rows.push_back({part, find(), false});
+    } catch (const Error& error) {
+      table.rows.push_back({part, fmt::format("MISSING: {}", error.what()), true});
+      complete = false;
+    }
   }
-  try {
-    const Structure structure = ReadStructure(FindInputFile("configs/structure.yaml"));
-    findings->Say("structure", fmt::format("{}, {}", structure.name(), structure.CountedParts()));
-  } catch (const Error& error) {
-    findings->Miss("structure", error.what());
-  }
-  try {
-    const LoadedModel model = LoadCheckpoint(model_path);
-    findings->Say("model",
-                  fmt::format("{}: {} classes, {} training samples", FindInputFile(model_path),
-                              model.meta.structure.num_classes(), model.meta.samples));
-  } catch (const Error& error) {
-    findings->Miss("model", error.what());
-  }
+  line.Stop();
+  output.Print(FormatTable(table, TableFormat::kText), table);
+  output.Say(complete ? "everything is there" : "something is missing, see above");
+  return complete ? 0 : 2;
 }
 
 }  // namespace
@@ -160,22 +141,7 @@ Command AddDoctorCommand(CLI::App& program) {
                                          "status 2 where something is missing");
   app->add_option("--model", *model, "checkpoint to load")->capture_default_str();
   output->AddOptions(app);
-  return {app, [model, output] {
-            Findings findings;
-            ProgressLine line;
-            line.Begin("looking at libraries, renderer, data and model");
-            findings.Say("volalign", Tool());
-            CheckLibraries(&findings);
-            CheckProcessor(&findings);
-            CheckRenderer(&findings);
-            CheckGpu(&findings);
-            CheckData(*model, &findings);
-            line.Stop();
-            output->Print(FormatTable(findings.table(), TableFormat::kText), findings.table());
-            output->Say(findings.missing() == 0 ? "everything is there"
-                                                : "something is missing, see above");
-            return findings.missing() == 0 ? 0 : 2;
-          }};
+  return {app, [model, output] { return RunDoctor(*model, *output); }};
 }
 
 }  // namespace volalign
