@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <nlohmann/json.hpp>
-#include <optional>
-#include <string_view>
 #include <system_error>
 
 #include "core/base/error.h"
@@ -65,6 +62,16 @@ std::string HashLine(const std::filesystem::path& file) {
   return fmt::format("sha256: {}\n", Sha256(ReadFile(file, kMaxResultBytes)));
 }
 
+std::string CommandText(const std::vector<std::pair<std::string, std::string>>& configs) {
+  std::string text =
+      fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()), Text(TheKept().line));
+  const CLI::App* app = Called(TheKept().program);
+  for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
+    text += OptionLine(option);
+  for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
+  return text;
+}
+
 }  // namespace
 
 std::string ShellWord(const std::string& word) {
@@ -83,20 +90,6 @@ void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
 }
 
 std::string CommandLine() { return TheKept().line; }
-
-namespace {
-
-std::string CommandText(const std::vector<std::pair<std::string, std::string>>& configs) {
-  std::string text =
-      fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()), Text(CommandLine()));
-  const CLI::App* app = Called(TheKept().program);
-  for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
-    text += OptionLine(option);
-  for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
-  return text;
-}
-
-}  // namespace
 
 void SaveStart(const std::filesystem::path& folder) {
   std::filesystem::path file = folder / "command.yaml";
@@ -124,21 +117,6 @@ bool IsAsWritten(const std::filesystem::path& file) {
          ReadFile(command, kMaxTextBytes).find("\n" + HashLine(file)) != std::string::npos;
 }
 
-namespace {
-
-/// The folder of docs/NAME: "" for the working folder, else beside the data or its documents.
-std::optional<std::filesystem::path> FolderOf(const std::filesystem::path& page) {
-  for (const std::filesystem::path& folder :
-       {std::filesystem::path(), std::filesystem::path(DataFolder()),
-        std::filesystem::path(DataFolder()) / "../doc/volalign"}) {
-    std::error_code error;
-    if (std::filesystem::exists(folder / page, error)) return folder;
-  }
-  return std::nullopt;
-}
-
-}  // namespace
-
 std::string FindDataFolder(const std::string& given) {
   if (!given.empty()) {
     if (!IsDataFolder(given)) {
@@ -152,24 +130,25 @@ std::string FindDataFolder(const std::string& given) {
   return DataFolder();
 }
 
-std::string WithPages(const std::string& message) {
-  constexpr std::string_view kFolder = "docs/", kEnding = ".md";
-  constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz-";
-  std::string text;
-  std::size_t rest = 0;
-  for (std::size_t at = 0; (at = message.find(kFolder, at)) != std::string::npos;) {
-    const std::size_t name = at + kFolder.size();
-    const std::size_t end = std::min(message.find_first_not_of(kLetters, name), message.size());
-    if (end == name || message.compare(end, kEnding.size(), kEnding) != 0) {
-      at = name;
-      continue;
+std::string WithPages(std::string message) {
+  const std::filesystem::path data = DataFolder();
+  const std::string docs = "docs/", ending = ".md";
+  for (std::size_t at = 0; (at = message.find(docs, at)) != std::string::npos; at += docs.size()) {
+    const std::size_t end = message.find(ending, at);
+    if (end == std::string::npos) break;
+    if (at > 0 && message[at - 1] == '/') continue;  // a user's folder
+    const std::string page = message.substr(at, end + ending.size() - at);
+    for (const std::filesystem::path& folder :
+         {std::filesystem::path(), data, data / "../doc/volalign"}) {
+      std::error_code error;
+      if (!std::filesystem::exists(folder / page, error)) continue;
+      const std::string found = (folder / page).lexically_normal().string();
+      message.replace(at, page.size(), found);
+      at += found.size() - page.size();
+      break;
     }
-    const std::filesystem::path page = message.substr(at, end + kEnding.size() - at);
-    text += message.substr(rest, at - rest);
-    text += (FolderOf(page).value_or(std::filesystem::path()) / page).lexically_normal().string();
-    rest = at = end + kEnding.size();
   }
-  return text + message.substr(rest);
+  return message;
 }
 
 std::string DataFolderHint(const std::string& message) {

@@ -45,7 +45,7 @@ std::string FindDataFolder(const std::string& given);
 /// The message with the path of a page in place of its name, such as docs/formats.md, if it is
 /// found. It may be beside the data folder's configs, or in share/doc/volalign of an installed
 /// program.
-std::string WithPages(const std::string& message);
+std::string WithPages(std::string message);
 
 /// An addition to a message about a missing file of the data folder, if no data folder was found:
 /// how to name it. Else "".

@@ -471,6 +471,7 @@ class CommandLine(InAFolder):
     def test_pages_are_named_where_they_are(self):
         page = os.path.join(ROOT, "docs", "formats.md")
         self.expect("calibrate --capture none.json -o x", 1, page)
+        self.expect("calibrate --capture /none/docs/formats.md -o x", 1, "/none/docs/formats.md: ")
         self.expect("--help", 0, os.path.join(ROOT, "docs", "index.md"))
         installed = self.path("usr")
         for folder, name in (("share/volalign/configs", "configs/structure.yaml"), ("share/doc/volalign/docs", "docs/formats.md")):
