@@ -212,11 +212,8 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
       ->check(CLI::IsMember({"metric", "free"}))
       ->capture_default_str();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
-  app->add_option("--set", request->assignments,
-                  "KEY=VALUE: replaces a value of the config, e.g. refine.box_sigma_m=0.01")
-      ->take_all();
-  AddAssignment(app, "--threads", "threads", &request->assignments, "threads over sensors");
-  AddAssignment(app, "--device", "device", &request->assignments, "cpu, cuda or cuda:N");
+  AddSettings(app, &request->assignments, "the config, e.g. refine.box_sigma_m=0.01", "",
+              "threads over sensors");
   app->add_option("--note", request->note,
                   "a note for the report and extrinsics.json, e.g. \"S3 on the new tripod\"");
   app->add_flag("--no-report", request->no_report, "write neither report.html nor rig.glb");

@@ -104,8 +104,7 @@ Command AddConfigCommand(CLI::App& program) {
   CLI::App* show = app->add_subcommand(
       "show", "A recipe, a rig or options of a calibration with its bases and defaults resolved");
   show->add_option("file", options->file, "e.g. configs/m05-lite.yaml")->required();
-  show->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the file")
-      ->take_all();
+  AddSet(show, &options->assignments, "the file");
   show->add_option("--as", options->as, "what the file is; without it, its keys decide")
       ->check(CLI::IsMember({"recipe", "rig", "calibration"}));
   return {app, [options, reference, commands, &program] {

@@ -80,11 +80,7 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
                   "KEY=VALUE,VALUE: a calibration option. Each capture is calibrated with each "
                   "value, side by side");
   app->add_option("--config", options->config, "YAML of calibration options (docs/config.md)");
-  app->add_option("--set", options->assignments,
-                  "KEY=VALUE: replaces a value of the calibration options")
-      ->take_all();
-  AddAssignment(app, "--threads", "threads", &options->assignments, "threads over sensors");
-  AddAssignment(app, "--device", "device", &options->assignments, "cpu, cuda or cuda:N");
+  AddSettings(app, &options->assignments, "the calibration options", "", "threads over sensors");
   app->add_option("--set-rig", options->rigs.changes, "KEY=VALUE: replaces a value of every rig")
       ->take_all();
   app->add_option(

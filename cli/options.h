@@ -18,17 +18,27 @@ inline ConfigSource ReadSource(const std::string& file,
   return source;
 }
 
-/// Adds an option that stands for a key of the configuration in every sub-command. Call it after
-/// --set, which would otherwise replace its value.
-inline void AddAssignment(CLI::App* app, const std::string& option, const std::string& key,
-                          std::vector<std::string>* assignments, const std::string& text) {
-  app->add_option_function<std::string>(
-         option,
-         [key, assignments](const std::string& value) {
-           assignments->push_back(key + "=" + value);
-         },
-         fmt::format("{}; {} of the config", text, key))
-      ->type_name(option == "--threads" ? "INT" : "TEXT");
+/// Adds --set KEY=VALUE for `file`, "the rig".
+inline void AddSet(CLI::App* app, std::vector<std::string>* assignments, const std::string& file) {
+  app->add_option("--set", *assignments, "KEY=VALUE: replaces a value of " + file)->take_all();
+}
+
+/// The same, and --threads and --device, which stand for keys of the configuration that begin with
+/// `group`. They come after --set, which would otherwise replace their values.
+inline void AddSettings(CLI::App* app, std::vector<std::string>* assignments,
+                        const std::string& file, const std::string& group,
+                        const std::string& threads) {
+  AddSet(app, assignments, file);
+  const auto add = [&](const std::string& name, const char* type, const std::string& text) {
+    const auto assign = [key = group + name, assignments](const std::string& value) {
+      assignments->push_back(key + "=" + value);
+    };
+    app->add_option_function<std::string>("--" + name, assign,
+                                          fmt::format("{}; {}{} of the config", text, group, name))
+        ->type_name(type);
+  };
+  add("threads", "INT", threads);
+  add("device", "TEXT", "cpu, cuda or cuda:N");
 }
 
 }  // namespace volalign

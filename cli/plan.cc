@@ -55,8 +55,7 @@ Command AddPlanCommand(CLI::App& program) {
   CLI::App* app = program.add_subcommand(
       "plan", "Predict what the sensors of a planned rig see and how well they will be placed");
   app->add_option("rig", options->rig, "rig.yaml, e.g. configs/rig_ring8.yaml")->required();
-  app->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the rig")
-      ->take_all();
+  AddSet(app, &options->assignments, "the rig");
   app->add_option("--trials", options->trials,
                   "number of trials: simulated calibrations, each with other errors of the sensors")
       ->check(CLI::Range(1, 100))

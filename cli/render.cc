@@ -53,8 +53,7 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
                   "training recipe: write samples as training sees them; continues an "
                   "interrupted run")
       ->excludes(rig);
-  app->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the rig or recipe")
-      ->take_all();
+  AddSet(app, &options->assignments, "the rig or recipe");
   app->add_option("-o,--output", options->output, "folder to write")->required();
   app->add_option("--index", options->index, "first sample")->excludes(rig);
   app->add_option("--count", options->count, "number of samples")

@@ -121,12 +121,8 @@ Command AddTrainCommand(CLI::App& program) {
       "YAML of recipes, values and seeds: trains all combinations, one after the other, in folders "
       "of --output, and goes on where it was stopped");
   sweep->excludes(config);
-  app->add_option("--set", options->assignments,
-                  "KEY=VALUE: replaces a value of the recipe, e.g. run.samples=20000")
-      ->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments,
-                "threads; 0: one for each idle processor");
-  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
+  AddSettings(app, &options->assignments, "the recipe, e.g. run.samples=20000", "run.",
+              "threads; 0: one for each idle processor");
   app->add_option("-o,--output,--run-dir", options->run_dir,
                   "folder for config, metrics and checkpoints")
       ->required();

@@ -87,11 +87,8 @@ Command AddValidateCommand(CLI::App& program) {
   app->add_option("--model", options->models, "checkpoints")->required();
   app->add_option("--config", options->config,
                   "recipe that says what the samples are; each checkpoint's own without it");
-  app->add_option("--set", options->assignments, "KEY=VALUE: replaces a value of the recipe")
-      ->take_all();
-  AddAssignment(app, "--threads", "run.threads", &options->assignments,
-                "threads; 0: one for each idle processor");
-  AddAssignment(app, "--device", "run.device", &options->assignments, "cpu, cuda or cuda:N");
+  AddSettings(app, &options->assignments, "the recipe", "run.",
+              "threads; 0: one for each idle processor");
   app->add_option("--samples", options->samples, "number of samples, rounded up to whole batches")
       ->check(CLI::Range(1, 100000000))
       ->capture_default_str();
