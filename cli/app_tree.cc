@@ -17,11 +17,6 @@ namespace {
 const auto kAllApps = [](const CLI::App* app) { return !app->get_name().empty(); };
 const auto kAllOptions = [](const CLI::Option*) { return true; };
 
-CLI::App* Find(CLI::App* app, const std::string& name) {
-  const auto apps = app->get_subcommands([&](CLI::App* sub) { return sub->get_name() == name; });
-  return apps.empty() ? nullptr : apps.front();
-}
-
 std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string nearest = NearestKey(word, known);
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
@@ -105,45 +100,24 @@ std::shared_ptr<CLI::FormatterBase> HelpFormatter() {
   return std::make_shared<Formatter>();
 }
 
-std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments) {
-  CLI::App* app = program;
-  std::string path = "volalign";
-  for (std::size_t i = 0; i < arguments.size(); ++i) {
-    const std::vector<std::string> names = CommandNames(app);
-    if (names.empty()) return "";
-    if (arguments[i] == "--data-dir") {
-      ++i;
-      continue;
-    }
-    if (arguments[i].rfind('-', 0) == 0) continue;
-    CLI::App* sub = Find(app, arguments[i]);
-    if (!sub) {
-      return fmt::format("{} has no sub-command {}{} ({} --help lists them)", path, arguments[i],
-                         Suggestion(arguments[i], names), path);
-    }
-    app = sub;
-    path += " " + sub->get_name();
-  }
-  return "";
-}
-
-std::string UnknownOption(CLI::App* program) {
+std::string Misspelled(CLI::App* program) {
   CLI::App* app = program;
   std::string path = "volalign";
   while (!app->get_subcommands().empty()) {
     app = app->get_subcommands().front();
     path += " " + app->get_name();
   }
-  for (const std::string& argument : program->remaining(/*recurse=*/true)) {
-    const std::string name = argument.substr(0, argument.find('='));
-    if (name.rfind('-', 0) == 0) {
-      return fmt::format("{} has no option {}{} ({} --help lists them)", path, name,
-                         Suggestion(name, OptionNames(app)), path);
-    }
+  const std::vector<std::string> rest = program->remaining(/*recurse=*/true);
+  if (rest.empty()) return "";
+  const std::string name = rest.front().substr(0, rest.front().find('='));
+  const bool option = name.rfind('-', 0) == 0;
+  const std::vector<std::string> names = option ? OptionNames(app) : CommandNames(app);
+  if (names.empty()) {
     return fmt::format("{} takes no argument \"{}\"{}; {} --help lists what it takes", path,
-                       argument, Place(app, argument), path);
+                       rest.front(), Place(app, rest.front()), path);
   }
-  return "";
+  return fmt::format("{} has no {} {}{} ({} --help lists them)", path,
+                     option ? "option" : "sub-command", name, Suggestion(name, names), path);
 }
 
 namespace {

@@ -33,12 +33,9 @@ std::shared_ptr<CLI::FormatterBase> HelpFormatter();
 /// Gives every sub-command an example at the end of its help (those of cli/examples.cc).
 void AddExamples(CLI::App* program);
 
-/// A sentence about the first argument that should be a sub-command and is none, with the nearest
-/// name; "" if there is no such argument.
-std::string UnknownCommand(CLI::App* program, const std::vector<std::string>& arguments);
-
-/// The same for options that a sub-command does not have, among the arguments that its parser left.
-std::string UnknownOption(CLI::App* program);
+/// A sentence about the first argument that the parser left, with the nearest name of a sub-command
+/// or an option; "" if it left none.
+std::string Misspelled(CLI::App* program);
 
 /// Markdown of every sub-command: its options and its example.
 std::string CommandReference(CLI::App* program);

@@ -14,11 +14,6 @@ const std::map<std::string, std::string>& Examples() {
   const std::string render = "volalign render --rig configs/rig_ring4.yaml -o out/capture\n";
   const std::string calibrate =
       render + "volalign calibrate --capture out/capture/capture.json -o out/calibration\n";
-  const std::string draft =
-      render + "volalign init out/capture --depth-scale 0.001 -o out/draft.json\n";
-  const std::string build =
-      "volalign structure build configs/structure.yaml -o out/structure.glb\n";
-  const std::string show = "volalign config show configs/rig_ring4.yaml --set seed=7\n";
   const std::string train =
       "volalign train --config configs/m05-lite.yaml --set run.samples=32 "
       "--set run.validation_samples=16 --set optim.warmup_samples=16 -o out/try\n";
@@ -26,16 +21,14 @@ const std::map<std::string, std::string>& Examples() {
       {"add", calibrate + "volalign add --extrinsics out/calibration/extrinsics.json --capture "
                           "out/capture/capture.json -o out/rig.json\n"},
       {"calibrate", calibrate},
-      {"init", draft},
+      {"init", render + "volalign init out/capture --depth-scale 0.001 -o out/draft.json\n"},
       {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
                             "out/capture/capture.json -o out/check\n"},
-      {"completion", "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
       {"completion bash",
        "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
-      {"config", show},
       {"config commands", "volalign config commands\n"},
       {"config reference", "volalign config reference\n"},
-      {"config show", show},
+      {"config show", "volalign config show configs/rig_ring4.yaml --set seed=7\n"},
       {"convert",
        calibrate + "volalign convert out/calibration/extrinsics.json --to colmap -o out/colmap\n"},
       {"doctor", "volalign doctor\n"},
@@ -44,11 +37,9 @@ const std::map<std::string, std::string>& Examples() {
        "volalign export --model models/m05-lite.safetensors --format onnx -o out/m05-lite.onnx\n"},
       {"plan", "volalign plan configs/rig_ring4.yaml -o out/plan.svg\n"},
       {"render", render},
-      {"runs", train + "volalign runs list out\n"},
       {"runs compare", train + "volalign runs compare out --csv\n"},
       {"runs list", train + "volalign runs list out\n"},
-      {"structure", build},
-      {"structure build", build},
+      {"structure build", "volalign structure build configs/structure.yaml -o out/structure.glb\n"},
       {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
       {"structure sheet", "volalign structure sheet configs/structure.yaml -o out/build.svg\n"},
       {"structure show", "volalign structure show configs/structure.yaml\n"},
@@ -64,8 +55,9 @@ const std::map<std::string, std::string>& Examples() {
 
 void AddExamples(CLI::App* program) {
   ForEachApp(program, [](CLI::App* app, const std::string& path) {
-    const auto found = Examples().find(path);
-    if (found == Examples().end()) return;
+    // A group has the example of its first sub-command.
+    const auto found = Examples().lower_bound(path);
+    if (path.empty() || found == Examples().end() || found->first.rfind(path, 0) != 0) return;
     std::string text = "Example:\n" + Indented(found->second, "  ");
     text.pop_back();
     app->footer(text);

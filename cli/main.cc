@@ -52,22 +52,17 @@ std::vector<Command> AddCommands(CLI::App& program) {
 
 /// Reads the arguments. True if they were understood; else `status` is that of the program.
 bool Parse(CLI::App* program, int argc, char** argv, int* status) {
-  const std::string unknown = UnknownCommand(program, {argv + 1, argv + argc});
-  if (!unknown.empty()) {
-    fmt::print(stderr, "error: {}\n", MessageLine(unknown));
-    *status = 1;
-    return false;
-  }
   try {
     program->parse(argc, argv);
     return true;
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) {  // --help, --version
+    const std::string misspelled = Misspelled(program);
+    const bool knows_command = misspelled.empty() || !program->get_subcommands().empty();
+    if (error.get_exit_code() == 0 && knows_command) {  // --help, --version
       *status = program->exit(error);
       return false;
     }
     // Misspelled options are missing, too.
-    const std::string misspelled = UnknownOption(program);
     fmt::print(stderr, "error: {}\n",
                misspelled.empty() ? MessageLine(error.what()) + " (--help says more)"
                                   : MessageLine(misspelled));
