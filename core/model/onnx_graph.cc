@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdint>
-#include <map>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -14,29 +14,25 @@
 namespace volalign {
 namespace {
 
-void SetAttribute(onnx::NodeProto* node, const char* name, std::int64_t value) {
+onnx::AttributeProto* NewAttribute(onnx::NodeProto* node, const char* name,
+                                   onnx::AttributeProto::AttributeType type) {
   onnx::AttributeProto* attribute = node->add_attribute();
   attribute->set_name(name);
-  attribute->set_type(onnx::AttributeProto::INT);
-  attribute->set_i(value);
+  attribute->set_type(type);
+  return attribute;
+}
+void SetAttribute(onnx::NodeProto* node, const char* name, std::int64_t value) {
+  NewAttribute(node, name, onnx::AttributeProto::INT)->set_i(value);
 }
 void SetAttribute(onnx::NodeProto* node, const char* name, double value) {
-  onnx::AttributeProto* attribute = node->add_attribute();
-  attribute->set_name(name);
-  attribute->set_type(onnx::AttributeProto::FLOAT);
-  attribute->set_f(static_cast<float>(value));
+  NewAttribute(node, name, onnx::AttributeProto::FLOAT)->set_f(static_cast<float>(value));
 }
 void SetAttribute(onnx::NodeProto* node, const char* name, const char* value) {
-  onnx::AttributeProto* attribute = node->add_attribute();
-  attribute->set_name(name);
-  attribute->set_type(onnx::AttributeProto::STRING);
-  attribute->set_s(value);
+  NewAttribute(node, name, onnx::AttributeProto::STRING)->set_s(value);
 }
 void SetAttribute(onnx::NodeProto* node, const char* name,
                   const std::vector<std::int64_t>& values) {
-  onnx::AttributeProto* attribute = node->add_attribute();
-  attribute->set_name(name);
-  attribute->set_type(onnx::AttributeProto::INTS);
+  onnx::AttributeProto* attribute = NewAttribute(node, name, onnx::AttributeProto::INTS);
   for (const std::int64_t value : values) attribute->add_ints(value);
 }
 
@@ -56,13 +52,13 @@ void Describe(onnx::ValueInfoProto* value, const char* name, const char* channel
   }
 }
 
-/// Writes PaperNetImpl::ForwardWithAttention (core/nn/paper_net.cc) as nodes of ONNX. A function
-/// that adds nodes returns the name of their result.
+/// Writes MakePaperNet as nodes of ONNX. A value is the name of a result.
 class GraphWriter {
  public:
+  using Value = std::string;
+
   GraphWriter(const StructureNetOptions& options, bool half) : options_(options), half_(half) {
     options.Validate();
-    for (const PaperUnit& unit : PaperUnits(options)) units_.emplace(unit.name, unit);
   }
 
   onnx::GraphProto Write() {
@@ -70,46 +66,60 @@ class GraphWriter {
     Describe(graph_.add_input(), kOnnxDepth, "one", 1, "depth, m, 0 where there is none");
     Describe(graph_.add_output(), kOnnxLogProbabilities, "classes", options_.num_classes,
              "log-probabilities of background and of the labels 1, 2, ...");
-    std::string x = Encode();
-    std::vector<std::string> skips;
-    for (std::size_t g = 1; g <= EncoderGroups().size(); ++g) {
-      if (g > 1) {
-        skips.push_back(x);
-        x = Node("MaxPool", fmt::format("pool{}", g), {x});
-        SetAttribute(node_, "kernel_shape", {2, 2});
-        SetAttribute(node_, "strides", {2, 2});
-      }
-      for (int i = 1; i <= EncoderGroups()[g - 1]; ++i)
-        x = ReluUnit(fmt::format("encoder{}_{}", g, i), x);
-    }
-    for (int i = 1; i <= options_.residual_blocks; ++i) {
-      const std::string name = fmt::format("residual{}", i);
-      const std::string y = ReluUnit(name + "_1", Node("Relu", name + ".relu", {x}));
-      x = Node("Add", name, {x, Unit(name + "_2", y)});
-    }
-    std::string mask;
-    if (options_.attention) {
-      mask = Node("Sigmoid", "mask", {Unit("attention", x)});
-      x = Node("Mul", "attended", {x, mask});
-    }
-    for (int level = 4; level >= 1; --level) {
-      const std::string skip = skips.back();
-      skips.pop_back();
-      const std::string size = Slice(fmt::format("size{}", level), skip, 2, 4);
-      x = ReluUnit(fmt::format("decoder{}_1", level), x);
-      x = ReluUnit(fmt::format("decoder{}_2", level), x);
-      x = Upsample(fmt::format("up{}", level), x, size);
-      x = ReluUnit(fmt::format("decoder{}_3", level), x);
-      x = ReluUnit(fmt::format("merge{}", level), Concat(fmt::format("both{}", level), x, skip, 1));
-      if (options_.attention) {
-        x = Node("Mul", fmt::format("attended{}", level),
-                 {x, Upsample(fmt::format("mask{}", level), mask, size)});
-      }
-    }
-    const std::string logits = Unit("classifier", ReluUnit("decoder0_1", x));
+    const std::string logits = MakePaperNet(options_, *this, Encode());
     Node("LogSoftmax", kOnnxLogProbabilities, {logits});
     SetAttribute(node_, "axis", std::int64_t{1});
     return std::move(graph_);
+  }
+
+  std::string Op(PaperOp op, const std::string& name, const std::string& x,
+                 const std::string& y = "") {
+    switch (op) {
+      case PaperOp::kRelu:
+        return Node("Relu", name, {x});
+      case PaperOp::kPool:
+        Node("MaxPool", name, {x});
+        SetAttribute(node_, "kernel_shape", {2, 2});
+        SetAttribute(node_, "strides", {2, 2});
+        return name;
+      case PaperOp::kSigmoid:
+        return Node("Sigmoid", name, {x});
+      case PaperOp::kAdd:
+        return Node("Add", name, {x, y});
+      case PaperOp::kMultiply:
+        return Node("Mul", name, {x, y});
+      case PaperOp::kConcatenate:
+        return Concat(name, x, y, 1);
+      case PaperOp::kSizeOf:
+        return Slice(name, x, 2, 4);
+      case PaperOp::kEnlarge:
+        return Upsample(name, x, y);
+    }
+    throw Error("invalid PaperOp");
+  }
+
+  std::string UnitOfEnlarged(const PaperUnit& unit, const std::string& name, const std::string& x,
+                             const std::string& size) {
+    return Unit(unit, Upsample(name, x, size));
+  }
+
+  std::string Unit(const PaperUnit& unit, const std::string& x) {
+    const std::string& name = unit.name;
+    std::vector<std::string> inputs = {x, Weight(name + ".weight")};
+    if (unit.normalization == Normalization::kNone) inputs.push_back(Weight(name + ".bias"));
+    const std::int64_t padding = unit.kernel / 2;
+    std::string y = Node("Conv", name + ".conv", inputs);
+    SetAttribute(node_, "kernel_shape", {unit.kernel, unit.kernel});
+    SetAttribute(node_, "pads", {padding, padding, padding, padding});
+    if (unit.normalization == Normalization::kBatch) {
+      const std::string scale = Weight(name + ".norm_weight"), shift = Weight(name + ".norm_bias");
+      y = Node("BatchNormalization", name + ".norm",
+               {y, scale, shift, Weight(name + ".running_mean"), Weight(name + ".running_var")});
+      SetAttribute(node_, "epsilon", kNormEpsilon);
+    } else if (unit.normalization == Normalization::kGroup) {
+      y = GroupNormalized(unit, y);
+    }
+    return unit.relu ? Node("Relu", name + ".relu", {y}) : y;
   }
 
  private:
@@ -128,38 +138,12 @@ class GraphWriter {
     if (options_.input == InputEncoding::kDepth)
       return Node("Identity", kOnnxEncoded, {kOnnxDepth});
     const std::string is_measured =
-        Node("Greater", "is_measured", {kOnnxDepth, Constant("nothing", 0.0f)});
+        Node("Greater", "is_measured", {kOnnxDepth, Number("nothing", 0)});
     const std::string measured = Node("Cast", "measured", {is_measured});
     SetAttribute(node_, "to", std::int64_t{onnx::TensorProto::FLOAT});
-    const std::string clamped =
-        Node("Min", "clamped", {kOnnxDepth, Constant("clamp", static_cast<float>(kDepthClamp))});
-    const std::string centred =
-        Node("Sub", "centred", {clamped, Constant("centre", static_cast<float>(kDepthCentre))});
+    const std::string clamped = Node("Min", "clamped", {kOnnxDepth, Number("clamp", kDepthClamp)});
+    const std::string centred = Node("Sub", "centred", {clamped, Number("centre", kDepthCentre)});
     return Concat(kOnnxEncoded, Node("Mul", "masked", {centred, measured}), measured, 1);
-  }
-
-  std::string ReluUnit(const std::string& name, const std::string& x) {
-    const std::string y = Unit(name, x);
-    return Node("Relu", name + ".relu", {y});
-  }
-
-  std::string Unit(const std::string& name, const std::string& x) {
-    const PaperUnit& unit = units_.at(name);
-    std::vector<std::string> inputs = {x, Weight(name + ".weight")};
-    if (unit.normalization == Normalization::kNone) inputs.push_back(Weight(name + ".bias"));
-    const std::int64_t padding = unit.kernel / 2;
-    std::string y = Node("Conv", name + ".conv", inputs);
-    SetAttribute(node_, "kernel_shape", {unit.kernel, unit.kernel});
-    SetAttribute(node_, "pads", {padding, padding, padding, padding});
-    if (unit.normalization == Normalization::kBatch) {
-      const std::string scale = Weight(name + ".norm_weight"), shift = Weight(name + ".norm_bias");
-      y = Node("BatchNormalization", name + ".norm",
-               {y, scale, shift, Weight(name + ".running_mean"), Weight(name + ".running_var")});
-      SetAttribute(node_, "epsilon", kNormEpsilon);
-    } else if (unit.normalization == Normalization::kGroup) {
-      y = GroupNormalized(unit, y);
-    }
-    return y;
   }
 
   /// Opset 13 has no such operator, but a normalisation of each channel alone. So a group becomes
@@ -167,9 +151,9 @@ class GraphWriter {
   std::string GroupNormalized(const PaperUnit& unit, const std::string& x) {
     const std::int64_t groups = NormGroups(unit.out);
     const std::string& name = unit.name;
-    const std::string grouped = Node(
-        "Reshape", name + ".grouped",
-        {x, Constant(fmt::format("groups{}", groups), std::vector<std::int64_t>{0, groups, -1})});
+    const std::string grouped =
+        Node("Reshape", name + ".grouped",
+             {x, Constant<std::int64_t>(fmt::format("groups{}", groups), {0, groups, -1})});
     const auto ones = static_cast<std::size_t>(groups);
     const std::string normal =
         Node("InstanceNormalization", name + ".normal",
@@ -178,7 +162,7 @@ class GraphWriter {
     SetAttribute(node_, "epsilon", kNormEpsilon);
     const std::string shape = Node("Shape", name + ".shape", {x});
     const std::string whole = Node("Reshape", name + ".whole", {normal, shape});
-    const std::string channels = Constant("channels", std::vector<std::int64_t>{1, -1, 1, 1});
+    const std::string channels = Constant<std::int64_t>("channels", {1, -1, 1, 1});
     const std::string scale =
         Node("Reshape", name + ".scale", {Weight(name + ".norm_weight"), channels});
     const std::string shift =
@@ -205,9 +189,9 @@ class GraphWriter {
                     std::int64_t end) {
     const std::string shape = Node("Shape", name + ".shape", {x});
     return Node("Slice", name,
-                {shape, Constant(fmt::format("at{}", begin), std::vector<std::int64_t>{begin}),
-                 Constant(fmt::format("at{}", end), std::vector<std::int64_t>{end}),
-                 Constant("at0", std::vector<std::int64_t>{0})});
+                {shape, Constant<std::int64_t>(fmt::format("at{}", begin), {begin}),
+                 Constant<std::int64_t>(fmt::format("at{}", end), {end}),
+                 Constant<std::int64_t>("at0", {0})});
   }
 
   /// As at::upsample_nearest2d: pixel i takes floor(i * size / new_size).
@@ -221,39 +205,33 @@ class GraphWriter {
     return name;
   }
 
-  std::string Constant(const std::string& name, float value) {
-    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::FLOAT))
-      tensor->add_float_data(value);
-    return name;
-  }
-  std::string Constant(const std::string& name, const std::vector<float>& values) {
-    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::FLOAT)) {
-      tensor->add_dims(static_cast<std::int64_t>(values.size()));
-      for (const float value : values) tensor->add_float_data(value);
-    }
-    return name;
-  }
-  std::string Constant(const std::string& name, const std::vector<std::int64_t>& values) {
-    if (onnx::TensorProto* tensor = NewConstant(name, onnx::TensorProto::INT64)) {
-      tensor->add_dims(static_cast<std::int64_t>(values.size()));
-      for (const std::int64_t value : values) tensor->add_int64_data(value);
-    }
-    return name;
-  }
-  /// Adds a constant, unless there is one of that name.
-  onnx::TensorProto* NewConstant(const std::string& name, onnx::TensorProto::DataType type) {
+  /// A list of float or std::int64_t, or its only number. Adds it unless there is one of that name.
+  template <class T>
+  std::string Constant(const std::string& name, const std::vector<T>& values,
+                       bool is_number = false) {
     for (const onnx::TensorProto& known : graph_.initializer()) {
-      if (known.name() == name) return nullptr;
+      if (known.name() == name) return name;
     }
     onnx::TensorProto* tensor = graph_.add_initializer();
     tensor->set_name(name);
-    tensor->set_data_type(type);
-    return tensor;
+    tensor->set_data_type(std::is_same_v<T, float> ? onnx::TensorProto::FLOAT
+                                                   : onnx::TensorProto::INT64);
+    if (!is_number) tensor->add_dims(static_cast<std::int64_t>(values.size()));
+    for (const T value : values) {
+      if constexpr (std::is_same_v<T, float>) {
+        tensor->add_float_data(value);
+      } else {
+        tensor->add_int64_data(value);
+      }
+    }
+    return name;
+  }
+  std::string Number(const std::string& name, double value) {
+    return Constant<float>(name, {static_cast<float>(value)}, /*is_number=*/true);
   }
 
   const StructureNetOptions& options_;
   const bool half_;
-  std::map<std::string, PaperUnit> units_;
   onnx::GraphProto graph_;
   onnx::NodeProto* node_ = nullptr;
 };

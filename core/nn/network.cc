@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "core/base/error.h"
-#include "core/nn/paper_net.h"
 
 namespace volalign {
 namespace {
@@ -23,7 +22,7 @@ std::map<std::string, NetworkFactory>& Registered() {
 }
 
 std::shared_ptr<StructureNetImpl> MakeNetwork(const StructureNetOptions& options) {
-  if (options.kind == "paper") return std::make_shared<PaperNetImpl>(options);
+  if (options.kind == "paper") return NewPaperNet(options);
   const auto found = Registered().find(options.kind);
   if (found == Registered().end()) {
     throw ConfigError(

@@ -27,8 +27,7 @@ struct NetworkOutput {
 };
 
 /// A network that segments the structure's sides: encoded depth in, log-probabilities out. The
-/// paper's network is PaperNet (core/nn/paper_net.h). A program may register others
-/// (RegisterNetwork).
+/// paper's network is NewPaperNet's. A program may register others (RegisterNetwork).
 class StructureNetImpl : public torch::nn::Module {
  public:
   /// Throws ConfigError for invalid options.
@@ -61,6 +60,10 @@ class StructureNetImpl : public torch::nn::Module {
   at::ScalarType dtype_ = at::kFloat;
   bool channels_last_ = false;
 };
+
+/// The paper's network (core/model/paper_units.h). Weights are initialised by Xavier's uniform
+/// rule, biases with 0. Throws ConfigError for invalid options.
+std::shared_ptr<StructureNetImpl> NewPaperNet(const StructureNetOptions& options);
 
 /// Makes a network with weights from LibTorch's default generator.
 using NetworkFactory = std::function<std::shared_ptr<StructureNetImpl>(const StructureNetOptions&)>;

@@ -12,7 +12,6 @@
 #include <tuple>
 #include <vector>
 
-#include "core/nn/paper_net.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::network_test {
