@@ -7,17 +7,14 @@
 #include <ATen/ops/eye.h>
 #include <ATen/ops/isfinite.h>
 #include <ATen/ops/linalg_det.h>
+#include <ATen/ops/linalg_eigvalsh.h>
 #include <ATen/ops/linalg_svd.h>
 #include <ATen/ops/ones_like.h>
 #include <ATen/ops/stack.h>
 #include <ATen/ops/where.h>
 #include <ATen/ops/zeros_like.h>
-#include <fmt/format.h>
 #include <torch/csrc/autograd/custom_function.h>
 
-#include <Eigen/Eigenvalues>
-
-#include "core/base/error.h"
 #include "core/geometry/procrustes.h"
 
 namespace volalign {
@@ -26,12 +23,6 @@ namespace {
 /// Least (s2 + d s3) / s1 of a determined rotation. The derivative grows with its inverse, and
 /// float32 keypoints are no more precise.
 constexpr double kMinSigmaSum = 1e-3;
-
-void Require(bool holds, const char* what, const at::Tensor& x, const char* expected) {
-  if (holds) return;
-  throw Error(fmt::format("{} has the shape [{}] instead of {}", what,
-                          fmt::join(x.sizes().begin(), x.sizes().end(), ","), expected));
-}
 
 struct SignedSvd {
   at::Tensor u;      ///< [B,3,3], U' = U D
@@ -92,36 +83,13 @@ class RotationFunction : public torch::autograd::Function<RotationFunction> {
   }
 };
 
-/// bool [B]: the second singular value of the point sets [B,N,3], float64 on the CPU, is at least
-/// kMinSecondSingularValue. Its square is the second eigenvalue of s^T s, in closed form.
-at::Tensor SpreadEnough(const at::Tensor& s) {
-  const at::Tensor products = at::bmm(s.transpose(1, 2), s).contiguous();  // [B,3,3]
-  at::Tensor enough = at::empty({s.size(0)}, at::kBool);
-  for (std::int64_t i = 0; i < s.size(0); ++i) {
-    const Eigen::Map<const Eigen::Matrix3d> product(products.data_ptr<double>() + 9 * i);
-    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-    solver.computeDirect(product, Eigen::EigenvaluesOnly);
-    enough.data_ptr<bool>()[i] =
-        solver.eigenvalues()[1] >= kMinSecondSingularValue * kMinSecondSingularValue;
-  }
-  return enough;
-}
-
 }  // namespace
 
 at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& rays) {
-  Require(depth.dim() == 4 && depth.size(1) == 1, "depth", depth, "[B,1,H,W]");
-  Require(rays.dim() == 4 && rays.size(0) == depth.size(0) && rays.size(1) == 2 &&
-              rays.size(2) == depth.size(2) && rays.size(3) == depth.size(3),
-          "rays", rays, "[B,2,H,W]");
   return at::cat({depth * rays.to(depth.options()), depth}, 1);
 }
 
 at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points) {
-  Require(log_probs.dim() == 4 && log_probs.size(1) >= 2, "log_probs", log_probs, "[B,K,H,W]");
-  Require(points.dim() == 4 && points.size(1) == 3 && points.size(0) == log_probs.size(0) &&
-              points.size(2) == log_probs.size(2) && points.size(3) == log_probs.size(3),
-          "points", points, "[B,3,H,W] of the log-probabilities' size");
   const at::Tensor valid = (points.narrow(1, 2, 1) > 0).to(points.scalar_type());
   const at::Tensor x = at::cat({points, valid}, 1).flatten(2).transpose(1, 2);  // [B,HW,4]
   const at::Tensor p = log_probs.narrow(1, 1, log_probs.size(1) - 1).flatten(2).exp();
@@ -130,7 +98,6 @@ at::Tensor SoftKeypoints(const at::Tensor& log_probs, const at::Tensor& points) 
 }
 
 ProcrustesFit FitRotation(const at::Tensor& m) {
-  Require(m.dim() == 3 && m.size(1) == 3 && m.size(2) == 3, "m", m, "[B,3,3]");
   const torch::autograd::variable_list fit = RotationFunction::apply(m);
   return {fit[0], fit[1]};
 }
@@ -148,12 +115,6 @@ at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind) {
 
 ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor& targets,
                                   const at::Tensor& visible) {
-  Require(keypoints.dim() == 3 && keypoints.size(2) == 3, "keypoints", keypoints, "[B,K-1,3]");
-  Require(targets.dim() == 2 && targets.size(0) == keypoints.size(1) && targets.size(1) == 3,
-          "targets", targets, "[K-1,3]");
-  Require(visible.dim() == 2 && visible.size(0) == keypoints.size(0) &&
-              visible.size(1) == keypoints.size(1),
-          "visible", visible, "[B,K-1]");
   const at::Tensor known =  // [B,K-1,4], in one transfer
       at::cat({keypoints, visible.unsqueeze(2).to(keypoints.scalar_type())}, 2)
           .to(at::kCPU, at::kDouble);
@@ -165,7 +126,10 @@ ProcrustesLoss SoftProcrustesLoss(const at::Tensor& keypoints, const at::Tensor&
   const at::Tensor c = centre(known.narrow(2, 0, 3));
   const at::Tensor s = centre(targets.to(at::kCPU, at::kDouble).unsqueeze(0).expand_as(c));
   const ProcrustesFit fit = FitRotation(at::bmm(s.transpose(1, 2), c));  // of sum_k S_k C_k^T
-  const at::Tensor fixed = SpreadEnough(s).logical_and(fit.determined);  // [B]
+  // The second singular value of the visible sides' keypoints, squared.
+  const at::Tensor spread = at::linalg_eigvalsh(at::bmm(s.transpose(1, 2), s)).select(1, 1);
+  constexpr double kLeast = kMinSecondSingularValue * kMinSecondSingularValue;
+  const at::Tensor fixed = (spread >= kLeast).logical_and(fit.determined);  // [B]
   const at::Tensor residual = s - at::bmm(c, fit.rotation.transpose(1, 2));
   // The norm's gradient at 0 is defined as 0: the clamp cuts it off.
   const at::Tensor norm = residual.square().sum({1, 2}).clamp_min(1e-20).sqrt();  // [B]

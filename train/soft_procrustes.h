@@ -7,7 +7,7 @@
 namespace volalign {
 
 /// Points V [B,3,H,W] in the sensor frame, m, from depth maps [B,1,H,W], m, whose pixels have the
-/// rays (x/z, y/z) [B,2,H,W]. 0 without depth. Type of `depth`. Throws Error for other shapes.
+/// rays (x/z, y/z) [B,2,H,W]. 0 without depth. Type of `depth`.
 at::Tensor Deproject(const at::Tensor& depth, const at::Tensor& rays);
 
 /// Below this total probability a keypoint counts as absent. log-softmax in float32 reaches it only
