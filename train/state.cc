@@ -1,7 +1,5 @@
 #include "train/state.h"
 
-#include <ATen/TensorOperators.h>
-#include <c10/core/GradMode.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -87,22 +85,6 @@ const std::set<std::string>& FreeKeys() {
 }
 
 std::string MomentPrefix(const std::string& moment) { return "optimizer/" + moment + "/"; }
-
-void RestoreMoment(const TensorFile& state, const std::string& prefix, const FlatModule& layout,
-                   const at::Tensor& flat, const std::string& path) {
-  c10::NoGradGuard no_grad;
-  std::map<std::string, at::Tensor> views;
-  layout.AddViews(flat, prefix, &views);
-  for (auto& [name, view] : views) {
-    const auto found = state.tensors.find(name);
-    if (found == state.tensors.end() || found->second.sizes() != view.sizes() ||
-        found->second.scalar_type() != at::kFloat) {
-      throw DataError(
-          fmt::format("{}: tensor '{}' is missing or of another shape or type", path, name));
-    }
-    view.copy_(found->second);
-  }
-}
 
 }  // namespace
 
@@ -209,7 +191,9 @@ void Restore(const SavedState& state, Learner* learner) {
   CopyIntoModule(tensors, "model/", *learner->net, name);
   CopyIntoModule(tensors, "average/", *learner->average.net(), name);
   for (const auto& [moment, values] : learner->optimizer.moments()) {
-    RestoreMoment(state.file, MomentPrefix(moment), learner->flat, values, name);
+    std::map<std::string, at::Tensor> views;
+    learner->flat.AddViews(values, MomentPrefix(moment), &views);
+    CopyTensors(tensors, MomentPrefix(moment), views, name);
   }
   learner->optimizer.set_steps(state.steps);
 }

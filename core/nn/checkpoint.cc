@@ -118,11 +118,16 @@ void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::
                     torch::nn::Module& module, const std::string& what) {
   std::map<std::string, at::Tensor> targets;
   AddModuleTensors(module, prefix, &targets);
+  CopyTensors(source, prefix, targets, what);
+}
+
+void CopyTensors(const std::map<std::string, at::Tensor>& source, const std::string& prefix,
+                 const std::map<std::string, at::Tensor>& targets, const std::string& what) {
   TensorShapes shapes;
   for (const auto& [name, target] : targets) shapes[name] = target.sizes().vec();
   RequireShapes(source, prefix, shapes, what);
   c10::NoGradGuard no_grad;
-  for (auto& [name, target] : targets) {
+  for (const auto& [name, target] : targets) {
     const at::Tensor& tensor = source.at(name);
     if (tensor.scalar_type() != target.scalar_type() && tensor.scalar_type() != at::kHalf) {
       throw DataError(fmt::format("{}: tensor '{}' has the type {} instead of {}", what, name,

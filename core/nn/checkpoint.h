@@ -29,9 +29,13 @@ void WriteTensorFile(const std::filesystem::path& path, const TensorFile& file);
 /// converter.
 TensorFile ReadTensorFile(const std::filesystem::path& path, const std::string& format);
 
-/// Copies `source[prefix + name]` into each of the module's parameters and buffers, and converts
-/// float16 to the target's type. Throws DataError with `what` and the tensor if one is missing,
-/// superfluous or of another shape or type.
+/// Copies the tensors whose names begin with `prefix` into `targets` of the same names, and
+/// converts float16 to the target's type. Throws DataError with `what` and the tensor if one is
+/// missing, superfluous or of another shape or type.
+void CopyTensors(const std::map<std::string, at::Tensor>& source, const std::string& prefix,
+                 const std::map<std::string, at::Tensor>& targets, const std::string& what);
+
+/// The same into each of the module's parameters and buffers, under prefix + name.
 void CopyIntoModule(const std::map<std::string, at::Tensor>& source, const std::string& prefix,
                     torch::nn::Module& module, const std::string& what);
 
