@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -21,7 +22,6 @@
 #include "core/json/json_archive.h"
 #include "core/plot/picture.h"
 #include "render/capture_writer.h"
-#include "render/sample_stream.h"
 
 namespace volalign {
 namespace {
@@ -244,7 +244,7 @@ class DatasetWriter {
     const std::uint64_t sheet_end = header_.first_index + std::min(header_.count, kSheetSamples);
     // The pictures have clean depth, which is not kept. So those samples are drawn again.
     const std::uint64_t start = next_ < sheet_end ? header_.first_index : next_;
-    SampleStream::Options stream_options;
+    StreamOptions stream_options;
     stream_options.seed = header_.seed;
     stream_options.first_index = start / batch * batch;
     stream_options.num_threads = options_.num_threads;
@@ -256,7 +256,7 @@ class DatasetWriter {
     const std::uint64_t ahead =
         std::max<std::uint64_t>(4, 2 * static_cast<std::uint64_t>(options_.num_threads) / batch);
     stream_options.prefetch = static_cast<int>(std::min(batches, ahead));
-    SampleStream stream(context_, stream_options);
+    const std::function<Sample()> draw = StreamSamples(context_, stream_options);
     ProgressLine line(options_.progress);
     const auto show = [&] {
       line.Count("samples", static_cast<std::int64_t>(next_ - header_.first_index),
@@ -266,30 +266,28 @@ class DatasetWriter {
     auto committed_at = Clock::now();
     std::vector<RgbImage> pictures;
     while (next_ < End()) {
-      for (Sample& sample : stream.Next()) {
-        if (sample.index < start || sample.index >= End()) continue;
-        if (start == header_.first_index && sample.index < sheet_end) {
-          pictures.push_back(SheetPicture(std::to_string(sample.index), sample.depth_clean,
-                                          sample.depth, sample.labels,
-                                          sample.structure_from_sensor));
-          if (sample.index + 1 == sheet_end) {
-            WriteContactSheet(dir_ / "contact_sheet.png", pictures);
-            pictures.clear();
-          }
+      Sample sample = draw();
+      const std::uint64_t index = sample.index;
+      if (index < start) continue;
+      if (start == header_.first_index && index < sheet_end) {
+        pictures.push_back(SheetPicture(std::to_string(index), sample.depth_clean, sample.depth,
+                                        sample.labels, sample.structure_from_sensor));
+        if (index + 1 == sheet_end) {
+          WriteContactSheet(dir_ / "contact_sheet.png", pictures);
+          pictures.clear();
         }
-        if (sample.index < next_) continue;
-        const std::uint64_t index = sample.index;
-        next_ = index + 1;
-        rows_ += WriteDescribed(
-            SampleRow{std::move(sample), ImageName(index, "depth"), ImageName(index, "labels")},
-            kRowsName, -1);
-        if (next_ == NextFolder(header_, next_ - 1) || next_ == End() ||
-            Clock::now() - committed_at > kCommitInterval) {
-          Commit();
-          committed_at = Clock::now();
-        }
-        show();
       }
+      if (index < next_) continue;
+      next_ = index + 1;
+      rows_ += WriteDescribed(
+          SampleRow{std::move(sample), ImageName(index, "depth"), ImageName(index, "labels")},
+          kRowsName, -1);
+      if (next_ == NextFolder(header_, index) || next_ == End() ||
+          Clock::now() - committed_at > kCommitInterval) {
+        Commit();
+        committed_at = Clock::now();
+      }
+      show();
     }
   }
 

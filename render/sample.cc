@@ -9,10 +9,10 @@
 
 #include "core/base/error.h"
 #include "core/base/input_file.h"
+#include "core/base/ordered_prefetch.h"
 #include "core/base/random.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
-#include "render/depth_renderer.h"
 #include "render/noise.h"
 #include "render/scene.h"
 
@@ -214,6 +214,44 @@ Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::ui
   sample.depth_clean = std::move(view.depth);
   sample.labels_clean = std::move(view.labels);
   return sample;
+}
+
+std::function<Sample()> StreamSamples(std::shared_ptr<const SampleContext> context,
+                                      const StreamOptions& options) {
+  if (context == nullptr || !options.make_renderer)
+    throw Error("StreamSamples: no context, or no renderer");
+  const auto batch_size = static_cast<std::uint64_t>(context->batch_size);
+  const BatchSlice slice = options.slice;
+  const int taken = slice.count > 0 ? slice.count : context->batch_size;
+  if (options.first_index % batch_size != 0) {
+    throw Error(
+        fmt::format("StreamSamples: first_index = {} is not a multiple of the batch size {}",
+                    options.first_index, batch_size));
+  }
+  if (slice.first < 0 || slice.first + taken > context->batch_size) {
+    throw Error(fmt::format("StreamSamples: {} samples from {} on are no slice of a batch of {}",
+                            taken, slice.first, batch_size));
+  }
+  // Positions count this stream's samples, with `count` per batch.
+  const auto count = static_cast<std::uint64_t>(taken);
+  const auto make_worker = [context = std::move(context), options, batch_size, count] {
+    return [context, options, batch_size, count,
+            renderer =
+                std::shared_ptr<DepthRenderer>(options.make_renderer())](std::uint64_t position) {
+      const std::uint64_t index = position / count * batch_size +
+                                  static_cast<std::uint64_t>(options.slice.first) +
+                                  position % count;
+      Sample sample = Synthesize(*context, *renderer, options.seed, index);
+      if (options.drawn) options.drawn(sample);
+      return sample;
+    };
+  };
+  using Samples = OrderedPrefetch<Sample>;
+  const auto samples =
+      std::make_shared<Samples>(Samples::Options{options.first_index / batch_size * count, taken,
+                                                 options.prefetch, options.num_threads},
+                                make_worker);
+  return [samples] { return samples->Take(); };
 }
 
 }  // namespace volalign

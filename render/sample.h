@@ -1,19 +1,22 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/base/batch_slice.h"
 #include "core/base/image.h"
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
+#include "render/depth_renderer.h"
 #include "render/sample_config.h"
 
 namespace volalign {
 
-class DepthRenderer;
 class RandomStream;
 
 /// One training sample. All images have the intrinsics' size.
@@ -61,5 +64,21 @@ Pose SamplePose(const PoseConfig& config, RandomStream& random);
 /// OpenGL renderer needs its context current on the calling thread.
 Sample Synthesize(const SampleContext& context, DepthRenderer& renderer, std::uint64_t seed,
                   std::uint64_t index);
+
+struct StreamOptions {
+  std::uint64_t seed = 0;
+  std::uint64_t first_index = 0;  ///< a multiple of context.batch_size
+  int num_threads = 1;
+  RendererFactory make_renderer = nullptr;             ///< called by each worker thread; required
+  BatchSlice slice = {};                               ///< other samples are left out
+  std::function<void(const Sample&)> drawn = nullptr;  ///< called by the worker, for each sample
+  int prefetch = 4;                                    ///< most batches that wait in memory
+};
+
+/// Consecutive samples, one per call, drawn on worker threads, each with its own renderer. They
+/// come in order for any number of threads. The stream rethrows a worker's exception. Throws Error
+/// for other options.
+std::function<Sample()> StreamSamples(std::shared_ptr<const SampleContext> context,
+                                      const StreamOptions& options);
 
 }  // namespace volalign

@@ -14,7 +14,6 @@
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
 #include "render/sample.h"
-#include "render/sample_stream.h"
 #include "train/dataset_source.h"
 #include "train/real_frames.h"
 
@@ -153,10 +152,13 @@ std::string IdentityOf(const Dataset* training, const RealConfig& real,
 SampleSource RenderedSamples(std::shared_ptr<const SampleContext> context, const RunConfig& run,
                              RendererFactory renderers, std::uint64_t seed,
                              std::uint64_t first_index, const BatchSlice& slice) {
-  const auto stream = std::make_shared<SampleStream>(
-      std::move(context),
-      SampleStream::Options{seed, first_index, run.loader_threads, std::move(renderers), slice});
-  return [stream] { return stream->Next(); };
+  const int count = slice.count > 0 ? slice.count : context->batch_size;
+  return [count, draw = StreamSamples(std::move(context), {seed, first_index, run.loader_threads,
+                                                           std::move(renderers), slice})] {
+    std::vector<Sample> batch;
+    for (int i = 0; i < count; ++i) batch.push_back(draw());
+    return batch;
+  };
 }
 
 TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice) {

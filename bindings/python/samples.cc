@@ -16,7 +16,6 @@
 #include "core/config/config.h"
 #include "render/egl/renderers.h"
 #include "render/sample.h"
-#include "render/sample_stream.h"
 #include "train/training_data_config.h"
 
 namespace volalign::python {
@@ -53,17 +52,17 @@ class Samples {
         recipe_(recipe) {
     const Renderers renderers = ChooseRenderers(recipe.data.renderer);
     renderer_ = renderers.description;
-    SampleStream::Options options;
+    StreamOptions options;
     options.seed = static_cast<std::uint64_t>(recipe.run.seed);
     options.first_index = start;
     options.num_threads = threads;
     options.make_renderer = renderers.make;
-    stream_ = std::make_unique<SampleStream>(context_, options);
+    draw_ = StreamSamples(context_, options);
   }
 
   std::shared_ptr<Sample> Next() {
     const py::gil_scoped_release released;
-    return std::make_shared<Sample>(stream_->NextSample());
+    return std::make_shared<Sample>(draw_());
   }
 
   const SampleContext& context() const { return *context_; }
@@ -74,7 +73,7 @@ class Samples {
   std::shared_ptr<const SampleContext> context_;
   SampleRecipe recipe_;
   std::string renderer_;
-  std::unique_ptr<SampleStream> stream_;
+  std::function<Sample()> draw_;
 };
 
 std::unique_ptr<Samples> MakeSamples(const py::object& recipe, std::optional<std::int64_t> seed,

@@ -17,7 +17,6 @@
 #include "core/geometry/visibility.h"
 #include "render/egl/egl_context.h"
 #include "render/egl/gl_depth_renderer.h"
-#include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/render/expect_equal.h"
@@ -276,56 +275,35 @@ std::shared_ptr<SampleContext> SmallContext(int batch_size) {
   return std::make_shared<SampleContext>(MakeSampleContext(config, batch_size));
 }
 
-SampleStream::Options Threads(int num_threads, std::uint64_t first_index) {
-  SampleStream::Options options;
-  options.seed = 21;
-  options.first_index = first_index;
-  options.num_threads = num_threads;
-  options.prefetch = 2;
-  options.make_renderer = GlRenderers();
-  return options;
+StreamOptions Threads(int num_threads, std::uint64_t first_index) {
+  return {21, first_index, num_threads, GlRenderers(), {}, nullptr, /*prefetch=*/2};
 }
 
-TEST(SampleStreamTest, GivesTheSameBatchesInOrderWithAnyNumberOfThreads) {
+TEST(StreamSamples, GivesTheSameSamplesInOrderWithAnyNumberOfThreads) {
   const auto context = SmallContext(4);
   const EglContext egl;
   GlDepthRenderer renderer;
   for (const int num_threads : {1, 3}) {
-    SampleStream stream(context, Threads(num_threads, 8));
-    std::uint64_t index = 8;
-    for (int batch = 0; batch < 6; ++batch) {
-      std::vector<Sample> samples;
-      if (batch % 2 == 0) {
-        samples = stream.Next();
-      } else {
-        for (int i = 0; i < 4; ++i) samples.push_back(stream.NextSample());
-      }
-      ASSERT_EQ(samples.size(), 4u);
-      for (const Sample& sample : samples) {
-        EXPECT_EQ(sample.index, index);
-        ExpectEqual(sample, Synthesize(*context, renderer, 21, index++));
-      }
+    const auto draw = StreamSamples(context, Threads(num_threads, 8));
+    for (std::uint64_t index = 8; index < 32; ++index) {
+      const Sample sample = draw();
+      EXPECT_EQ(sample.index, index);
+      ExpectEqual(sample, Synthesize(*context, renderer, 21, index));
     }
   }
 }
 
-TEST(SampleStreamTest, SlicesAreTheBatchesTakenApart) {
+TEST(StreamSamples, SlicesAreTheBatchesTakenApart) {
   const auto context = SmallContext(4);
-  SampleStream whole(context, Threads(1, 8));
-  SampleStream::Options first = Threads(1, 8), second = Threads(2, 8);
+  const auto whole = StreamSamples(context, Threads(1, 8));
+  StreamOptions first = Threads(1, 8), second = Threads(2, 8);
   first.slice = {0, 1};
   second.slice = {1, 3};
-  SampleStream one(context, first), three(context, second);
-  for (int batch = 0; batch < 3; ++batch) {
-    const std::vector<Sample> samples = whole.Next();
-    std::vector<Sample> parts = one.Next();
-    for (Sample& sample : three.Next()) parts.push_back(std::move(sample));
-    ASSERT_EQ(parts.size(), samples.size());
-    for (std::size_t i = 0; i < samples.size(); ++i) ExpectEqual(parts[i], samples[i]);
-  }
+  const auto one = StreamSamples(context, first), three = StreamSamples(context, second);
+  for (int i = 0; i < 12; ++i) ExpectEqual(i % 4 == 0 ? one() : three(), whole());
   first.slice = {2, 3};
-  EXPECT_THROW(SampleStream(context, first), Error);
-  EXPECT_THROW(SampleStream(context, Threads(1, 2)), Error);
+  EXPECT_THROW(StreamSamples(context, first), Error);
+  EXPECT_THROW(StreamSamples(context, Threads(1, 2)), Error);
 }
 
 }  // namespace

@@ -10,7 +10,6 @@
 #include "core/base/file_util.h"
 #include "render/dataset.h"
 #include "render/egl/renderers.h"
-#include "render/sample_stream.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
