@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "core/base/error.h"
@@ -45,6 +46,8 @@ void FindFacesInView(const SceneMesh& mesh, const Pose& structure_from_sensor,
       outside[4] += p.z() < kNear;
     }
     if (*std::max_element(outside.begin(), outside.end()) == 4) continue;
+    const auto& c = in_view.corners;
+    std::tie(in_view.low_z, in_view.high_z) = std::minmax({c[0].z(), c[1].z(), c[2].z(), c[3].z()});
     in_view.inverse = (sensor_from_structure.linear() * face.normal / h).cast<float>();
     in_view.id = static_cast<std::uint32_t>(face.label) << 16 | static_cast<std::uint32_t>(i + 1);
     faces->push_back(in_view);

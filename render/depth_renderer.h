@@ -45,9 +45,10 @@ using RendererFactory = std::function<std::unique_ptr<DepthRenderer>()>;
 /// bits can number.
 void RequireDrawable(const SceneMesh& mesh, int width, int height, int most_size);
 
-/// A face in the sensor's frame.
+/// A face in the sensor's frame, m.
 struct FaceInView {
-  std::array<Eigen::Vector3f, 4> corners;  ///< sensor frame, m
+  std::array<Eigen::Vector3f, 4> corners;
+  float low_z, high_z;      ///< of the corners
   Eigen::Vector3f inverse;  ///< 1 / z = inverse . (X, Y, 1) where the ray (X, Y, 1) meets its plane
   std::uint32_t id;         ///< label << 16 | 1 + index in SceneMesh::faces
 };

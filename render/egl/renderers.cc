@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "core/base/error.h"
-#include "render/egl/gl_depth_renderer.h"
 #include "render/tiles/tile_renderer.h"
 
 namespace volalign {
@@ -11,7 +10,9 @@ namespace {
 
 Renderers Tiles(const std::string& why) {
   const std::string reason = why.empty() ? "" : fmt::format(" (auto: {})", why);
-  return {"cpu", "cpu, " + TileRenderer().Describe() + reason, TileRenderers()};
+  return {"cpu",
+          fmt::format("cpu, tiles on the processor, {}{}", tiles::AllKernels().Best().name, reason),
+          TileRenderers()};
 }
 
 }  // namespace

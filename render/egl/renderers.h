@@ -7,6 +7,9 @@
 
 namespace volalign {
 
+/// OpenGL renderers, each with its own context.
+RendererFactory GlRenderers(const EglContextOptions& options = {});
+
 /// A chosen renderer.
 struct Renderers {
   std::string name;         ///< "egl" or "cpu"

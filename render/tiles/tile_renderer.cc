@@ -3,9 +3,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <limits>
+#include <memory>
+#include <vector>
 
 #include "core/geometry/lens.h"
+#include "render/recent_lenses.h"
 
 namespace volalign {
 
@@ -26,18 +30,15 @@ constexpr float kInfinite = std::numeric_limits<float>::infinity();
 Linear ToLinear(const Eigen::Vector3f& f) { return {f.x(), f.y(), f.z()}; }
 
 TileFace MakeFace(const FaceInView& in_view) {
-  const auto& [corners, inverse, id] = in_view;
+  const auto& [corners, low_z, high_z, inverse, id] = in_view;
   constexpr auto kNear = static_cast<float>(DepthRenderer::kNear);
   constexpr float kRounding = 1e-5F;  // m, of the corners themselves
   TileFace face{};
   face.inverse = ToLinear(inverse);
   face.id = id;
-  float low_z = kInfinite, high_z = 0;
   face.low_y = kInfinite;
   face.high_y = -kInfinite;
   for (const Eigen::Vector3f& p : corners) {
-    low_z = std::min(low_z, p.z());
-    high_z = std::max(high_z, p.z());
     face.low_y = std::min(face.low_y, p.y() / p.z());
     face.high_y = std::max(face.high_y, p.y() / p.z());
   }
@@ -71,25 +72,28 @@ std::size_t Index(int row, int width, int column) {
          static_cast<std::size_t>(column);
 }
 
-}  // namespace
+/// The rays of all tiles, row by row of tiles, and the ranges of each tile's rays.
+struct Rays {
+  std::shared_ptr<const RayTable> table;
+  int columns, rows;  ///< tiles
+  int padded;         ///< tiles in a row of `ranges`, a multiple of 16
+  bool is_pinhole;    ///< all rows of a tile share `x`, and all of its columns have one `y`
+  std::vector<float> x, y;
+  std::vector<float> low_x, high_x, low_y, high_y;  ///< [rows, padded]; NaN: no ray
+  std::array<float, 4> bounds;                      ///< of all rays, see FindFacesInView
+  std::vector<float> row_low_y, row_high_y;         ///< of a row of tiles
 
-TileRenderer::TileRenderer()
-    : TileRenderer(tiles::AllKernels().sets[tiles::AllKernels().count - 1]) {}
-
-std::string TileRenderer::Describe() const {
-  return std::string("tiles on the processor, ") + kernels_.name;
-}
-
-tiles::TileRays TileRenderer::Rays::Tile(int column, int row) const {
-  if (is_pinhole) {
-    return {&x[static_cast<std::size_t>(column) * kTileWidth],
-            &y[static_cast<std::size_t>(row) * kTilePixels], 0, kTileWidth};
+  tiles::TileRays Tile(int column, int row) const {
+    if (is_pinhole) {
+      return {&x[static_cast<std::size_t>(column) * kTileWidth],
+              &y[static_cast<std::size_t>(row) * kTilePixels], 0, kTileWidth};
+    }
+    const std::size_t first = Index(row, columns, column) * kTilePixels;
+    return {&x[first], &y[first], kTileWidth, kTileWidth};
   }
-  const std::size_t first = Index(row, columns, column) * kTilePixels;
-  return {&x[first], &y[first], kTileWidth, kTileWidth};
-}
+};
 
-TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
+Rays CollectRays(const Intrinsics& intrinsics) {
   RayTable table = ComputeRays(intrinsics);
   const int width = table.width, height = table.height;
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
@@ -140,74 +144,97 @@ TileRenderer::Rays TileRenderer::CollectRays(const Intrinsics& intrinsics) {
   return rays;
 }
 
-void TileRenderer::CollectFaces(const SceneMesh& mesh, const Rays& rays,
-                                const Pose& structure_from_sensor) {
-  FindFacesInView(mesh, structure_from_sensor, rays.bounds, &in_view_);
-  faces_.clear();
-  for (const FaceInView& face : in_view_) faces_.push_back(MakeFace(face));
-  std::sort(faces_.begin(), faces_.end(), [](const TileFace& a, const TileFace& b) {
-    return a.most != b.most ? a.most > b.most : (a.id & 0xFFFFU) < (b.id & 0xFFFFU);
-  });
-}
+/// A face that a tile may see.
+struct Candidate {
+  std::uint32_t face;     ///< index into faces_
+  std::int32_t crossing;  ///< of TileKernels::cover
+  float nearest;
+};
 
-/// Finds the faces that each tile of a row may see.
-void TileRenderer::FindCandidates(const Rays& rays, int row) {
-  const auto r = static_cast<std::size_t>(row);
-  const std::size_t first = r * static_cast<std::size_t>(rays.padded);
-  const tiles::TileRanges ranges = {&rays.low_x[first], &rays.high_x[first], &rays.low_y[first],
-                                    &rays.high_y[first]};
-  const auto columns = static_cast<std::size_t>(rays.columns);
-  std::fill(counts_.begin(), counts_.end(), 0U);
-  for (std::uint32_t f = 0; f < faces_.size(); ++f) {
-    if (faces_[f].low_y > rays.row_high_y[r] || faces_[f].high_y < rays.row_low_y[r]) continue;
-    kernels_.cover(faces_[f], ranges, rays.padded, nearest_.data(), crossing_.data());
-    for (std::size_t c = 0; c < columns; ++c) {
-      if (nearest_[c] > 0) {
-        candidates_[c * faces_.size() + counts_[c]++] = {f, crossing_[c], nearest_[c]};
+class TileRenderer : public DepthRenderer {
+ public:
+  explicit TileRenderer(const tiles::TileKernels& kernels) : kernels_(kernels) {}
+
+  void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
+              const Pose& structure_from_sensor, RenderedView* view) override {
+    RequireDrawable(mesh, intrinsics.width, intrinsics.height, kMostSize);
+    const Rays& rays = rays_.Get(intrinsics, CollectRays);
+    FitImages(intrinsics, view);
+    view->rays = rays.table;
+    CollectFaces(mesh, rays, structure_from_sensor);
+    const auto columns = static_cast<std::size_t>(rays.columns);
+    candidates_.resize(columns * faces_.size());
+    counts_.resize(columns);
+    nearest_.resize(static_cast<std::size_t>(rays.padded));
+    crossing_.resize(nearest_.size());
+    std::array<float, kTilePixels> inverse;
+    std::array<std::uint32_t, kTilePixels> ids;
+    for (int row = 0; row < rays.rows; ++row) {
+      FindCandidates(rays, row);
+      const int v = row * kTileHeight;
+      for (int column = 0; column < rays.columns; ++column) {
+        inverse.fill(0);
+        ids.fill(0);
+        float covered = 0;  // the least 1 / z of the tile's pixels
+        const auto c = static_cast<std::size_t>(column);
+        for (std::size_t k = 0; k < counts_[c]; ++k) {
+          const Candidate& candidate = candidates_[c * faces_.size() + k];
+          if (candidate.nearest <= covered) continue;
+          covered = kernels_.paint(faces_[candidate.face], candidate.crossing,
+                                   rays.Tile(column, row), inverse.data(), ids.data());
+        }
+        const int u = column * kTileWidth;
+        kernels_.finish(inverse.data(), ids.data(),
+                        {&view->depth(u, v), &view->labels(u, v), &view->faces(u, v),
+                         intrinsics.width, std::min(kTileWidth, intrinsics.width - u),
+                         std::min(kTileHeight, intrinsics.height - v)});
       }
     }
   }
-}
 
-void TileRenderer::Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
-                          const Pose& structure_from_sensor, RenderedView* view) {
-  RequireDrawable(mesh, intrinsics.width, intrinsics.height, kMostSize);
-  const Rays& rays = rays_.Get(intrinsics, CollectRays);
-  FitImages(intrinsics, view);
-  view->rays = rays.table;
-  CollectFaces(mesh, rays, structure_from_sensor);
-  const auto columns = static_cast<std::size_t>(rays.columns);
-  candidates_.resize(columns * faces_.size());
-  counts_.resize(columns);
-  nearest_.resize(static_cast<std::size_t>(rays.padded));
-  crossing_.resize(nearest_.size());
-  std::array<float, kTilePixels> inverse;
-  std::array<std::uint32_t, kTilePixels> ids;
-  for (int row = 0; row < rays.rows; ++row) {
-    FindCandidates(rays, row);
-    const int v = row * kTileHeight;
-    for (int column = 0; column < rays.columns; ++column) {
-      inverse.fill(0);
-      ids.fill(0);
-      float covered = 0;  // the least 1 / z of the tile's pixels
-      const auto c = static_cast<std::size_t>(column);
-      for (std::size_t k = 0; k < counts_[c]; ++k) {
-        const Candidate& candidate = candidates_[c * faces_.size() + k];
-        if (candidate.nearest <= covered) continue;
-        covered = kernels_.paint(faces_[candidate.face], candidate.crossing, rays.Tile(column, row),
-                                 inverse.data(), ids.data());
+ private:
+  void CollectFaces(const SceneMesh& mesh, const Rays& rays, const Pose& structure_from_sensor) {
+    FindFacesInView(mesh, structure_from_sensor, rays.bounds, &in_view_);
+    faces_.clear();
+    for (const FaceInView& face : in_view_) faces_.push_back(MakeFace(face));
+    std::sort(faces_.begin(), faces_.end(), [](const TileFace& a, const TileFace& b) {
+      return a.most != b.most ? a.most > b.most : (a.id & 0xFFFFU) < (b.id & 0xFFFFU);
+    });
+  }
+
+  /// Finds the faces that each tile of a row may see.
+  void FindCandidates(const Rays& rays, int row) {
+    const auto r = static_cast<std::size_t>(row);
+    const std::size_t first = r * static_cast<std::size_t>(rays.padded);
+    const tiles::TileRanges ranges = {&rays.low_x[first], &rays.high_x[first], &rays.low_y[first],
+                                      &rays.high_y[first]};
+    const auto columns = static_cast<std::size_t>(rays.columns);
+    std::fill(counts_.begin(), counts_.end(), 0U);
+    for (std::uint32_t f = 0; f < faces_.size(); ++f) {
+      if (faces_[f].low_y > rays.row_high_y[r] || faces_[f].high_y < rays.row_low_y[r]) continue;
+      kernels_.cover(faces_[f], ranges, rays.padded, nearest_.data(), crossing_.data());
+      for (std::size_t c = 0; c < columns; ++c) {
+        if (nearest_[c] > 0) {
+          candidates_[c * faces_.size() + counts_[c]++] = {f, crossing_[c], nearest_[c]};
+        }
       }
-      const int u = column * kTileWidth;
-      kernels_.finish(inverse.data(), ids.data(),
-                      {&view->depth(u, v), &view->labels(u, v), &view->faces(u, v),
-                       intrinsics.width, std::min(kTileWidth, intrinsics.width - u),
-                       std::min(kTileHeight, intrinsics.height - v)});
     }
   }
-}
 
-RendererFactory TileRenderers() {
-  return [] { return std::make_unique<TileRenderer>(); };
+  const tiles::TileKernels kernels_;
+  RecentLenses<Rays> rays_;
+  std::vector<FaceInView> in_view_;
+  std::vector<TileFace> faces_;        // from the nearest on
+  std::vector<Candidate> candidates_;  // [columns, faces]
+  std::vector<std::uint32_t> counts_;  // of each column of tiles
+  std::vector<float> nearest_;
+  std::vector<std::int32_t> crossing_;
+};
+
+}  // namespace
+
+RendererFactory TileRenderers(const tiles::TileKernels& kernels) {
+  return [kernels] { return std::make_unique<TileRenderer>(kernels); };
 }
 
 }  // namespace volalign

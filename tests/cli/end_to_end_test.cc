@@ -25,8 +25,7 @@
 #include "infer/evaluate/items.h"
 #include "infer/report/report.h"
 #include "infer/segment/load.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/rig.h"
 #include "tests/core/base/long_tests.h"
 #include "tests/core/geometry/within.h"
@@ -68,8 +67,8 @@ class EndToEnd : public testing::Test {
     return EvaluationCaptureOf(RenderPlacements(rig, renderer_)).frames;
   }
 
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
 };
 
 /// As shipped, and in other rooms with other noise: docs/results.md has the distribution.

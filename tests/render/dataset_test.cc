@@ -16,8 +16,7 @@
 
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/render/expect_equal.h"
@@ -78,8 +77,8 @@ TEST(Dataset, ReadsTheSamplesThatWereDrawn) {
   const Dataset dataset(folder.path());
   const std::vector<Sample> samples = dataset.Read(kFirst, 21);
   ASSERT_EQ(samples.size(), 21u);
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+  DepthRenderer& renderer = *owned;
   const auto context = Context();
   for (std::uint64_t i = 0; i < 21; ++i)
     ExpectEqual(samples[i], Synthesize(*context, renderer, 3, kFirst + i));
@@ -93,8 +92,8 @@ TEST(Dataset, DepthIsKeptToHalfAMillimetre) {
   SampleConfig config = SmallConfig();
   config.noise.models = {"none"};
   WriteDataset(folder.path(), Context(config), Options(2));
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+  DepthRenderer& renderer = *owned;
   const Sample truth = Synthesize(*Context(config), renderer, 3, kFirst);
   const Sample read = Dataset(folder.path()).Read(kFirst, 1)[0];
   for (std::size_t k = 0; k < truth.depth.size(); ++k) {

@@ -22,8 +22,7 @@
 #include "core/base/file_util.h"
 #include "core/formats/image_io.h"
 #include "core/json/json_archive.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "tests/core/base/read_file.h"
 #include "tests/render/test_scene.h"
@@ -57,8 +56,8 @@ std::string Stem(const Case& c) { return std::string(c.noise) + std::to_string(c
 class GoldenTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    const EglContext egl;
-    GlDepthRenderer renderer;
+    const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+    DepthRenderer& renderer = *owned;
     samples_.clear();
     for (const Case& c : kCases) {
       const SampleConfig config = SamplesOf(c.sensor, c.image_size, c.noise);

@@ -7,8 +7,7 @@
 #include <vector>
 
 #include "core/geometry/structure.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/noise.h"
 #include "render/sample.h"
 #include "tests/core/base/pixels.h"
@@ -76,8 +75,8 @@ class NoiseFiguresTest : public testing::Test {
     return {local.Rms(), whole.Rms()};
   }
 
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
   Structure structure_;
 };
 

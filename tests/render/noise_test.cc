@@ -13,8 +13,7 @@
 #include "core/geometry/frame_errors.h"
 #include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "render/subpixels.h"
 #include "tests/core/base/pixels.h"
@@ -48,8 +47,8 @@ class NoiseTest : public testing::Test {
                       index);
   }
 
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
   Structure structure_;
 };
 

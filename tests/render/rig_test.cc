@@ -19,8 +19,7 @@
 #include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
 #include "render/capture_writer.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
@@ -46,8 +45,8 @@ class RigTest : public testing::Test {
 
   TempFolder folder_;
   const std::filesystem::path dir_ = folder_.path();
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
 };
 
 const std::string kTwo =

@@ -15,8 +15,7 @@
 
 #include "core/geometry/lens.h"
 #include "core/geometry/visibility.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/render/expect_equal.h"
@@ -33,8 +32,8 @@ SampleConfig SmallConfig() {
 
 class SampleTest : public testing::Test {
  protected:
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
 };
 
 TEST_F(SampleTest, SwitchingNoiseOrClutterOffLeavesEverythingElse) {
@@ -281,8 +280,8 @@ StreamOptions Threads(int num_threads, std::uint64_t first_index) {
 
 TEST(StreamSamples, GivesTheSameSamplesInOrderWithAnyNumberOfThreads) {
   const auto context = SmallContext(4);
-  const EglContext egl;
-  GlDepthRenderer renderer;
+  const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+  DepthRenderer& renderer = *owned;
   for (const int num_threads : {1, 3}) {
     const auto draw = StreamSamples(context, Threads(num_threads, 8));
     for (std::uint64_t index = 8; index < 32; ++index) {

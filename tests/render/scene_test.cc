@@ -13,8 +13,6 @@
 #include "core/geometry/lens.h"
 #include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
 #include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "render/scene_mesh.h"
@@ -413,8 +411,8 @@ struct Seen {
   explicit Seen(const Eigen::Vector3d& eye) : pose(LookAt(eye, {0, 0, 0}, 0)) {
     mesh.AppendStructure(structure);
     for (SceneObject& object : mesh.objects) object.is_structure = true;
-    EglContext egl;
-    GlDepthRenderer renderer;
+    const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+    DepthRenderer& renderer = *owned;
     renderer.Render(mesh, k, pose, &view);
   }
   NoiseInput Input() const { return {view, mesh, structure, k, pose, sensor}; }

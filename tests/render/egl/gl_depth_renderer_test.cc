@@ -1,4 +1,4 @@
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 
 #include <epoxy/gl.h>
 #include <gtest/gtest.h>
@@ -18,7 +18,6 @@
 #include "core/geometry/structure.h"
 #include "core/geometry/visibility.h"
 #include "render/egl/egl_context.h"
-#include "render/egl/renderers.h"
 #include "render/sample.h"
 #include "render/scene_mesh.h"
 #include "render/tiles/tile_renderer.h"
@@ -206,9 +205,10 @@ class DepthRendererTest : public testing::TestWithParam<const char*> {
   }
 
   const Structure paper_ = ReadStructure("configs/structure.yaml");
-  EglContext egl_;
-  GlDepthRenderer gl_;
-  TileRenderer tiles_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& gl_ = *owned_;
+  const std::unique_ptr<DepthRenderer> tiled_ = TileRenderers()();
+  DepthRenderer& tiles_ = *tiled_;
   BothRenderers renderer_{gl_, tiles_, ShowsGl()};
 };
 
@@ -293,8 +293,8 @@ TEST_P(DepthRendererTest, RejectsWhatItCannotDraw) {
 
 // In place of a device that is reset, which a test cannot do: OpenGL's answer after that.
 TEST(EglContextTest, ALostContextIsAnError) {
-  const EglContext context;
-  GlDepthRenderer renderer;
+  const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+  DepthRenderer& renderer = *owned;
   SceneMesh mesh;
   mesh.BeginObject({0.5F, 1.0F, false});
   mesh.AppendQuad({Eigen::Vector3d(-1, -1, 2), Eigen::Vector3d(1, -1, 2), Eigen::Vector3d(1, 1, 2),
@@ -359,9 +359,10 @@ TEST(ChooseRenderersTest, AutoDoesWithoutOpenGl) {
 class SampleScenes : public testing::TestWithParam<std::pair<const char*, const char*>> {};
 
 TEST_P(SampleScenes, LookTheSame) {
-  const EglContext egl;
-  GlDepthRenderer gl;
-  TileRenderer tiles;
+  const std::unique_ptr<DepthRenderer> owned = GlRenderers()();
+  DepthRenderer& gl = *owned;
+  const std::unique_ptr<DepthRenderer> tiled = TileRenderers()();
+  DepthRenderer& tiles = *tiled;
   BothRenderers both(gl, tiles, true);
   const SampleContext context =
       MakeSampleContext(SamplesOf(GetParam().first, GetParam().second, "none"), 16);

@@ -44,7 +44,9 @@ struct Wall {
 /// By the kernels of each instruction set that this processor has.
 class TileRendererBy : public testing::TestWithParam<int> {
  protected:
-  TileRenderer renderer_{tiles::AllKernels().sets[GetParam()]};
+  const std::unique_ptr<DepthRenderer> tiled_ =
+      TileRenderers(tiles::AllKernels().sets[GetParam()])();
+  DepthRenderer& renderer_ = *tiled_;
 };
 INSTANTIATE_TEST_SUITE_P(InstructionSets, TileRendererBy,
                          testing::Range(0, tiles::AllKernels().count), [](const auto& set) {
@@ -110,7 +112,8 @@ TEST_P(TileRendererBy, FacesNearerThanTheNearPlaneAreNotSeen) {
 // Small squares beside the picture's borders, inside, in pictures of either orientation and off
 // their axis.
 TEST(TileRendererTest, WhatIsInAnyCornerIsSeen) {
-  TileRenderer renderer;
+  const std::unique_ptr<DepthRenderer> tiled = TileRenderers()();
+  DepthRenderer& renderer = *tiled;
   for (const Intrinsics& k :
        {Intrinsics{40, 90, 60, 60, 19, 45, {}}, Intrinsics{90, 40, 60, 60, 45, 19, {}},
         Intrinsics{50, 50, 60, 60, 5, 40, {}}, Intrinsics{50, 50, 60, 60, 40, 5, {}}}) {
@@ -132,16 +135,16 @@ TEST(TileRendererTest, WhatIsInAnyCornerIsSeen) {
 /// Keeps what it draws.
 class Recorder : public DepthRenderer {
  public:
-  explicit Recorder(const tiles::TileKernels& kernels) : renderer_(kernels) {}
+  explicit Recorder(const tiles::TileKernels& kernels) : renderer_(TileRenderers(kernels)()) {}
   void Render(const SceneMesh& mesh, const Intrinsics& intrinsics, const Pose& pose,
               RenderedView* view) override {
-    renderer_.Render(mesh, intrinsics, pose, view);
+    renderer_->Render(mesh, intrinsics, pose, view);
     views.push_back(*view);
   }
   std::vector<RenderedView> views;
 
  private:
-  TileRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> renderer_;
 };
 
 /// Of the first samples of the default recipe, and of its last ones before them where `backwards`.

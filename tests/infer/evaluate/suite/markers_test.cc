@@ -19,8 +19,7 @@
 #include "infer/evaluate/suite/paper_pose.h"
 #include "infer/evaluate/suite/scores.h"
 #include "infer/view/sensor_view.h"
-#include "render/egl/egl_context.h"
-#include "render/egl/gl_depth_renderer.h"
+#include "render/egl/renderers.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/geometry/within.h"
 #include "tests/infer/view/synthetic.h"
@@ -63,8 +62,8 @@ class Markers : public testing::Test {
 
   Structure structure_ = PaperStructure();
   Intrinsics infrared_ = Infrared();
-  EglContext egl_;
-  GlDepthRenderer renderer_;
+  const std::unique_ptr<DepthRenderer> owned_ = GlRenderers()();
+  DepthRenderer& renderer_ = *owned_;
   SceneMesh mesh_;
   std::vector<MarkerPrint> prints_ = StructureMarkers(structure_);
 };
