@@ -39,11 +39,8 @@ Input InputOf(const py::handle& array, const char* dtype) {
 Pose PoseOf(const py::handle& array, const std::string& what) {
   const Input input = InputOf(array, "float64");
   RequireShape(input.memory, {4, 4}, what);
-  const auto* values = static_cast<const double*>(input.memory.ptr);
-  std::vector<std::vector<double>> rows;
-  for (std::ptrdiff_t row = 0; row < 4; ++row)
-    rows.emplace_back(values + 4 * row, values + 4 * row + 4);
-  return PoseFromRows(rows, what);
+  using Rows = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+  return PoseFromMatrix(Eigen::Map<const Rows>(static_cast<const double*>(input.memory.ptr)), what);
 }
 
 Eigen::Vector3d VectorOf(const py::handle& array, const std::string& what) {

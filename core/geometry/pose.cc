@@ -95,16 +95,7 @@ std::vector<std::vector<double>> ToRows(const Pose& pose) {
   return rows;
 }
 
-Pose PoseFromRows(const std::vector<std::vector<double>>& rows, const std::string& what) {
-  Eigen::Matrix4d m;
-  bool shaped = rows.size() == 4;
-  for (std::size_t r = 0; shaped && r < 4; ++r) {
-    shaped = rows[r].size() == 4;
-    for (std::size_t c = 0; shaped && c < 4; ++c) {
-      m(static_cast<int>(r), static_cast<int>(c)) = rows[r][c];
-    }
-  }
-  if (!shaped) throw DataError(what + " is not a 4x4 matrix of four rows of four numbers");
+Pose PoseFromMatrix(const Eigen::Matrix4d& m, const std::string& what) {
   const Eigen::Matrix3d rotation = m.topLeftCorner<3, 3>();
   const bool rigid =
       m.allFinite() && (m.row(3) - Eigen::RowVector4d(0, 0, 0, 1)).norm() < 1e-6 &&

@@ -52,10 +52,12 @@ Pose LookAt(const Eigen::Vector3d& position, const Eigen::Vector3d& target, doub
 /// picture.
 int UprightTurns(const Pose& structure_from_sensor);
 
-/// 4x4 row-major nested vectors, as in JSON files. PoseFromRows throws DataError, with `what` in
-/// its message, unless the matrix is a finite rigid transform with determinant +1 (tolerance 1e-3).
+/// 4x4 row-major nested vectors, as in JSON files.
 std::vector<std::vector<double>> ToRows(const Pose& pose);
-Pose PoseFromRows(const std::vector<std::vector<double>>& rows, const std::string& what);
+
+/// Throws DataError, with `what` in its message, unless the matrix is a finite rigid transform with
+/// determinant +1 (tolerance 1e-3).
+Pose PoseFromMatrix(const Eigen::Matrix4d& matrix, const std::string& what);
 
 /// Uniform in the ball of this radius about the origin, in the radius' unit.
 Eigen::Vector3d PointInBall(double radius, RandomStream& random);

@@ -133,26 +133,15 @@ struct IsDictionary<std::vector<std::pair<std::string, T>>> : std::true_type {};
 template <class T>
 inline constexpr bool kIsMatrix = std::is_base_of_v<Eigen::MatrixBase<T>, T>;
 
+/// The numbers of a double, an Eigen type or a Pose, as an Eigen expression.
 template <class T>
-bool AllFinite(const T& value) {
+decltype(auto) NumbersOf(T& value) {
   if constexpr (std::is_same_v<T, double>) {
-    return std::isfinite(value);
+    return Eigen::Map<Eigen::Matrix<double, 1, 1>>(&value);
   } else if constexpr (std::is_same_v<T, Pose>) {
-    return value.matrix().allFinite();
+    return (value.matrix());
   } else {
-    return value.allFinite();
-  }
-}
-
-template <class T>
-void SetUnknown(T* value) {
-  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-  if constexpr (std::is_same_v<T, double>) {
-    *value = kUnknown;
-  } else if constexpr (std::is_same_v<T, Pose>) {
-    value->matrix().setConstant(kUnknown);
-  } else {
-    value->setConstant(kUnknown);
+    return (value);
   }
 }
 
@@ -278,7 +267,7 @@ class JsonObject {
   }
   template <class T>
   void IfFinite(const std::string& key, T& value) const {
-    json_internal::SetUnknown(&value);
+    json_internal::NumbersOf(value).setConstant(std::numeric_limits<double>::quiet_NaN());
     Later(key, value);
   }
   template <class T>
@@ -337,7 +326,7 @@ class JsonWriter {
   }
   template <class T>
   void IfFinite(const std::string& key, T& value) {
-    if (json_internal::AllFinite(value)) (*this)(key, value);
+    if (json_internal::NumbersOf(value).allFinite()) (*this)(key, value);
   }
   template <class T>
   void IfFinite(const std::string& key, T& value, const T& /*absent*/) {
@@ -407,9 +396,9 @@ void FromJson(const nlohmann::json& json, const std::string& place, T* value) {
     ReadJsonValue(json, place, &text);
     if (!FromWord(text, value)) FailNotOneOf(text, WordsOfAll<T>(), place);
   } else if constexpr (std::is_same_v<T, Pose>) {
-    std::vector<std::vector<double>> rows;
-    FromJson(json, place, &rows);
-    *value = PoseFromRows(rows, place);
+    Eigen::Matrix4d matrix;
+    MatrixFromJson(json, place, &matrix);
+    *value = PoseFromMatrix(matrix, place);
   } else if constexpr (kIsMatrix<T>) {
     MatrixFromJson(json, place, value);
   } else if constexpr (IsDictionary<T>::value) {

@@ -178,32 +178,22 @@ TEST(PoseRows, RoundTrip) {
   EXPECT_EQ(rows[1][3], 0.4);
   EXPECT_EQ(rows[2][3], -2);
   EXPECT_EQ(rows[3], (std::vector<double>{0, 0, 0, 1}));
-  EXPECT_EQ(PoseFromRows(rows, "x").matrix(), pose.matrix());
+  EXPECT_EQ(PoseFromMatrix(pose.matrix(), "x").matrix(), pose.matrix());
 }
 
 TEST(PoseRows, RejectsWhatIsNoRigidTransform) {
-  const auto good = ToRows(LookAt({1, 0.4, -2}, {0.1, 0, 0}, 0.2));
+  const Eigen::Matrix4d good = LookAt({1, 0.4, -2}, {0.1, 0, 0}, 0.2).matrix();
   const auto expect_bad = [&](const auto& spoil) {
-    auto rows = good;
-    spoil(rows);
-    ExpectError<DataError>([&] { PoseFromRows(rows, "ground_truth of KA03"); },
+    Eigen::Matrix4d matrix = good;
+    spoil(matrix);
+    ExpectError<DataError>([&] { PoseFromMatrix(matrix, "ground_truth of KA03"); },
                            {"ground_truth of KA03"});
   };
-  expect_bad([](auto& rows) { rows.clear(); });
-  expect_bad([](auto& rows) { rows.pop_back(); });
-  expect_bad([](auto& rows) { rows[2].pop_back(); });
-  expect_bad([](auto& rows) { rows[0][1] = std::numeric_limits<double>::quiet_NaN(); });
-  expect_bad([](auto& rows) { rows[1][3] = std::numeric_limits<double>::infinity(); });
-  for (const double scale : {-1.0, 1.01}) {  // a mirror, a stretch
-    expect_bad([&](auto& rows) {
-      for (std::size_t c = 0; c < 3; ++c) rows[0][c] *= scale;
-    });
-  }
-  expect_bad([](auto& rows) {  // transposed: the translation lands in the last row
-    for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = 0; j < i; ++j) std::swap(rows[i][j], rows[j][i]);
-    }
-  });
+  expect_bad([](auto& m) { m(0, 1) = std::numeric_limits<double>::quiet_NaN(); });
+  expect_bad([](auto& m) { m(1, 3) = std::numeric_limits<double>::infinity(); });
+  expect_bad([](auto& m) { m.row(0).template head<3>() *= -1; });  // a mirror
+  expect_bad([](auto& m) { m.row(0).template head<3>() *= 1.01; });
+  expect_bad([](auto& m) { m.transposeInPlace(); });  // the translation is in the last row
 }
 
 using Points = std::vector<Vector3d>;

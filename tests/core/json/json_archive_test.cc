@@ -174,6 +174,7 @@ TEST(JsonArchive, ReadingNamesThePlace) {
   expect("/note", nullptr, {"t.json", "null"});
   expect("/files/1", 2, {"t.json: files[1] = 2", "string"});
   expect("/pose/0/0", 2, {"t.json: pose"});
+  expect("/pose/1", {1, 2}, {"t.json: pose has 2 columns, not 4"});
   expect("/vector", {1, 2}, {"t.json: vector has 2 numbers, not 3"});
   expect("/matrix/1", {1, 2}, {"t.json: matrix has 2 columns, not 3"});
   expect("/parts/z/size_m", "big", {"t.json: parts: z: size_m = \"big\"", "finite number"});
