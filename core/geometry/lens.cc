@@ -133,8 +133,7 @@ BentRay BendRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
 }
 
 Eigen::Vector2d ProjectRay(const Intrinsics& intrinsics, const Eigen::Vector2d& ray) {
-  Eigen::Matrix2d unused;
-  const Eigen::Vector2d bent = Coefficients(intrinsics).Bend(ray, &unused);
+  const Eigen::Vector2d bent = BendRay(intrinsics, ray).bent;
   return {intrinsics.fx * bent.x() + intrinsics.cx, intrinsics.fy * bent.y() + intrinsics.cy};
 }
 

@@ -13,12 +13,6 @@
 
 namespace volalign {
 
-namespace {
-
-constexpr std::size_t kPointsOfTask = 4096;  // number of points that one thread takes at a time
-
-}  // namespace
-
 double MeanIou(const LabelImage& predicted, const LabelImage& truth, const DepthImage& depth,
                const MiouOptions& options) {
   if (predicted.width() != truth.width() || predicted.height() != truth.height() ||
@@ -56,6 +50,7 @@ double MeanIou(const LabelImage& predicted, const LabelImage& truth, const Depth
 double RmsDistance(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b,
                    int threads) {
   if (a.empty() || b.empty()) throw Error("RmsDistance: a point set is empty");
+  constexpr std::size_t kPointsOfTask = 4096;  // number of points that one thread takes at a time
   const KdTree tree(b);
   std::vector<double> sums(a.size() / kPointsOfTask + 1, 0);
   ParallelFor(sums.size(), threads, [&](std::size_t task) {

@@ -38,11 +38,6 @@ class Paper {
   Svg::Point At(const Eigen::Vector3d& p) const {
     return {(p.x() - low_.x()) * kPixelsAMetre, (p.z() - low_.y()) * kPixelsAMetre};
   }
-  std::vector<Svg::Point> At(const std::vector<Eigen::Vector3d>& points) const {
-    std::vector<Svg::Point> all;
-    for (const Eigen::Vector3d& p : points) all.push_back(At(p));
-    return all;
-  }
 
  private:
   Eigen::Vector2d low_{-1, -1}, high_{1, 1};  // m, x and z of the corners
@@ -70,13 +65,13 @@ void DrawView(const SensorFromAbove& sensor, const Paper& paper, Svg* svg) {
     }
   }
   const double reach = Eigen::Vector2d(eye.x(), eye.z()).norm() + kBeyondStack;
-  std::vector<Eigen::Vector3d> points{eye};
+  std::vector<Svg::Point> points{paper.At(eye)};
   constexpr int kSteps = 12;
   for (int i = 0; i <= kSteps; ++i) {
     const double angle = heading + left + (right - left) * i / kSteps;
-    points.emplace_back(eye + reach * Eigen::Vector3d(std::cos(angle), 0, std::sin(angle)));
+    points.push_back(paper.At(eye + reach * Eigen::Vector3d(std::cos(angle), 0, std::sin(angle))));
   }
-  svg->Polygon(paper.At(points), fmt::format("class=\"rig-view\" fill=\"{}\"", sensor.colour));
+  svg->Polygon(points, fmt::format("class=\"rig-view\" fill=\"{}\"", sensor.colour));
 }
 
 /// Uncertainty of a sensor's place on the floor plan, px: half axes and the direction of the larger
