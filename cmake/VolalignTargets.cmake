@@ -67,14 +67,20 @@ function(volalign_kernels variable file)
   set(${variable} ${sources} PARENT_SCOPE)
 endfunction()
 
-# volalign_library(MODULE [COMPONENT c] SOURCES a.cc b.cc [PUBLIC_HEADERS a.h] [DEPENDS t ...] [PRIVATE_DEPENDS t ...]): the module core/geometry is
-# the library volalign_core_geometry, alias volalign::core_geometry. DEPENDS are of its headers, PRIVATE_DEPENDS of its sources alone; the test
+# volalign_library(MODULE [COMPONENT c] [FOLDERS f ...] [EXCEPT a ...] [SOURCES b.cc ...] [PUBLIC_HEADERS a.h] [DEPENDS t ...] [PRIVATE_DEPENDS t ...]):
+# the module core/geometry is the library volalign_core_geometry, alias volalign::core_geometry. It has all .cc of its folder, and of FOLDERS in it, but
+# for those named in EXCEPT (a: a.cc), and SOURCES that the build makes. DEPENDS are of its headers, PRIVATE_DEPENDS of its sources alone; the test
 # `layout` compares both with what the module includes. Our flags are no user's: volalign_options is private. With COMPONENT it is installed, with
 # its PUBLIC_HEADERS (VolalignInstall.cmake).
 function(volalign_library module)
-  cmake_parse_arguments(ARG "" "COMPONENT" "SOURCES;PUBLIC_HEADERS;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "" "COMPONENT" "FOLDERS;EXCEPT;SOURCES;PUBLIC_HEADERS;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
   string(REPLACE "/" "_" name "${module}")
-  add_library(volalign_${name} STATIC ${ARG_SOURCES})
+  list(TRANSFORM ARG_FOLDERS APPEND "/*.cc")
+  file(GLOB sources CONFIGURE_DEPENDS "*.cc" ${ARG_FOLDERS})
+  foreach(file ${ARG_EXCEPT})
+    list(REMOVE_ITEM sources "${CMAKE_CURRENT_SOURCE_DIR}/${file}.cc")
+  endforeach()
+  add_library(volalign_${name} STATIC ${sources} ${ARG_SOURCES})
   add_library(volalign::${name} ALIAS volalign_${name})
   target_link_libraries(volalign_${name} PUBLIC ${ARG_DEPENDS} PRIVATE ${ARG_PRIVATE_DEPENDS} $<BUILD_INTERFACE:volalign_options>)
   volalign_needs_torch(needs_torch ${ARG_DEPENDS} ${ARG_PRIVATE_DEPENDS})

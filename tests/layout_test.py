@@ -241,13 +241,16 @@ def check_ceres_and_torch():
 
 
 def check_listed():
-    """Every .cc stands in the nearest CMakeLists.txt, as a source, or is a test of volalign_tests."""
+    """Every .cc is in the folder of a module, or in FOLDERS of it; or is named by the nearest CMakeLists.txt, or a test of volalign_tests."""
     tests = {f"tests/{words[0]}/{test}_test.cc" for words in cmake_calls("tests/CMakeLists.txt", "volalign_tests") for test in section(words, "TESTS")}
+    built = {os.path.normpath(os.path.join(folder, below)) for folder, words in LIBRARIES.values() for below in ["."] + section(words, "FOLDERS")}
     for path in files_of((".cc",), CODE_FOLDERS + ("examples", "tests")):
         folder = os.path.dirname(path)
         while not exists(folder + "/CMakeLists.txt"):
             folder = os.path.dirname(folder)
-        if path not in tests and os.path.relpath(path, folder) not in re.split(r"[\s()]+", words_of(f"{folder}/CMakeLists.txt")):
+        words = words_of(f"{folder}/CMakeLists.txt")
+        listed = os.path.relpath(path, folder) in re.split(r"[\s()]+", words) or '"*.cc"' in words
+        if path not in tests and os.path.dirname(path) not in built and not listed:
             yield f"{path} is not in {folder}/CMakeLists.txt"
 
 
