@@ -17,6 +17,45 @@ namespace {
 const auto kAllApps = [](const CLI::App* app) { return !app->get_name().empty(); };
 const auto kAllOptions = [](const CLI::Option*) { return true; };
 
+/// The names of the sub-commands below an app.
+std::vector<std::string> CommandNames(const CLI::App* app) {
+  std::vector<std::string> names;
+  for (const CLI::App* sub : app->get_subcommands(kAllApps)) names.push_back(sub->get_name());
+  return names;
+}
+
+/// The long names of its options, with their dashes.
+std::vector<std::string> OptionNames(const CLI::App* app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app->get_options(kAllOptions)) {
+    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+  }
+  return names;
+}
+
+/// The words that an option may have as its value; empty if it may have any.
+/// CLI11 keeps the words of IsMember in the name of the option's type alone: "TEXT:{auto,none}".
+std::vector<std::string> Choices(const CLI::Option* option) {
+  const std::string type = option->get_type_name();
+  const std::size_t begin = type.find('{'), end = type.find('}');
+  if (begin == std::string::npos || end == std::string::npos) return {};
+  return Split(type.substr(begin + 1, end - begin - 1), ',');
+}
+
+/// The limits of an option's value, in words: "1 to 100", "above 0"; "" without any.
+/// CLI11 keeps the limits of Range and of its checks of signs in that name alone, too: "INT in [1 -
+/// 100]", "FLOAT:POSITIVE".
+std::string Limits(const CLI::Option* option) {
+  const std::string type = option->get_type_name();
+  const std::size_t begin = type.find('['), middle = type.find(" - "), end = type.find(']');
+  if (begin < middle && middle < end && end != std::string::npos) {
+    return fmt::format("{} to {}", type.substr(begin + 1, middle - begin - 1),
+                       type.substr(middle + 3, end - middle - 3));
+  }
+  if (type.find("NONNEGATIVE") != std::string::npos) return "0 or above";
+  return type.find("POSITIVE") != std::string::npos ? "above 0" : "";
+}
+
 std::string Suggestion(const std::string& word, const std::vector<std::string>& known) {
   const std::string nearest = NearestKey(word, known);
   return nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest);
@@ -43,41 +82,6 @@ void ForEachApp(CLI::App* app, const std::function<void(CLI::App*, const std::st
   use(app, path);
   for (CLI::App* sub : app->get_subcommands([](CLI::App*) { return true; }))
     ForEachApp(sub, use, path.empty() ? sub->get_name() : path + " " + sub->get_name());
-}
-
-std::vector<std::string> CommandNames(const CLI::App* app) {
-  std::vector<std::string> names;
-  for (const CLI::App* sub : app->get_subcommands(kAllApps)) names.push_back(sub->get_name());
-  return names;
-}
-
-std::vector<std::string> OptionNames(const CLI::App* app) {
-  std::vector<std::string> names;
-  for (const CLI::Option* option : app->get_options(kAllOptions)) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-  }
-  return names;
-}
-
-// CLI11 keeps the words of IsMember in the name of the option's type alone: "TEXT:{auto,none}".
-std::vector<std::string> Choices(const CLI::Option* option) {
-  const std::string type = option->get_type_name();
-  const std::size_t begin = type.find('{'), end = type.find('}');
-  if (begin == std::string::npos || end == std::string::npos) return {};
-  return Split(type.substr(begin + 1, end - begin - 1), ',');
-}
-
-// CLI11 keeps the limits of Range and of its checks of signs in that name alone, too: "INT in [1 -
-// 100]", "FLOAT:POSITIVE".
-std::string Limits(const CLI::Option* option) {
-  const std::string type = option->get_type_name();
-  const std::size_t begin = type.find('['), middle = type.find(" - "), end = type.find(']');
-  if (begin < middle && middle < end && end != std::string::npos) {
-    return fmt::format("{} to {}", type.substr(begin + 1, middle - begin - 1),
-                       type.substr(middle + 3, end - middle - 3));
-  }
-  if (type.find("NONNEGATIVE") != std::string::npos) return "0 or above";
-  return type.find("POSITIVE") != std::string::npos ? "above 0" : "";
 }
 
 std::shared_ptr<CLI::FormatterBase> HelpFormatter() {
@@ -118,49 +122,6 @@ std::string Misspelled(CLI::App* program) {
   }
   return fmt::format("{} has no {} {}{} ({} --help lists them)", path,
                      option ? "option" : "sub-command", name, Suggestion(name, names), path);
-}
-
-namespace {
-
-std::string OptionRow(const CLI::Option* option) {
-  const std::string name = option->get_positional()
-                               ? option->get_name(/*positional=*/true)
-                               : option->get_name(/*positional=*/false, /*all=*/true);
-  std::string meaning = option->get_description();
-  if (const auto words = Choices(option); !words.empty())
-    meaning += fmt::format(" ({})", fmt::join(words, ", "));
-  if (const std::string limits = Limits(option); !limits.empty()) meaning += "; " + limits;
-  if (option->get_required()) meaning += "; required";
-  if (!option->get_default_str().empty())
-    meaning += fmt::format("; default {}", option->get_default_str());
-  return MarkdownParagraph(fmt::format("`{}`: {}", name, meaning), "- ");
-}
-
-std::string Section(const CLI::App* app, const std::string& path) {
-  std::string text = fmt::format("\n## volalign {}\n\n{}\n", path,
-                                 MarkdownParagraph(app->get_description() + "."));
-  for (const CLI::Option* option :
-       app->get_options([](const CLI::Option* o) { return o->get_positional(); }))
-    text += OptionRow(option);
-  for (const CLI::Option* option :
-       app->get_options([](const CLI::Option* o) { return !o->get_positional(); })) {
-    if (option->check_lname("help") || option->check_lname("data-dir")) continue;
-    text += OptionRow(option);
-  }
-  const std::string footer = app->get_footer(), title = "Example:\n";
-  if (const std::size_t at = footer.find(title); at != std::string::npos)
-    text += "\n" + Indented(footer.substr(at + title.size()), "  ");
-  return text;
-}
-
-}  // namespace
-
-std::string CommandReference(CLI::App* program) {
-  std::string text = "# Command line\n";
-  ForEachApp(program, [&](CLI::App* app, const std::string& path) {
-    if (CommandNames(app).empty()) text += Section(app, path);
-  });
-  return text;
 }
 
 std::string BashCompletion(CLI::App* program) {

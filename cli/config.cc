@@ -97,22 +97,17 @@ Command AddConfigCommand(CLI::App& program) {
   };
   auto options = std::make_shared<Options>();
   CLI::App* app = program.add_subcommand(
-      "config", "Print the reference of all keys or sub-commands, or a file with its defaults");
+      "config", "Print the reference of all keys, or a file with its defaults");
   app->require_subcommand(1);
   CLI::App* reference = app->add_subcommand("reference", "Markdown of every key (docs/config.md)");
-  CLI::App* commands = app->add_subcommand("commands", "Markdown of every sub-command's help");
   CLI::App* show = app->add_subcommand(
       "show", "A recipe, a rig or options of a calibration with its bases and defaults resolved");
   show->add_option("file", options->file, "e.g. configs/m05-lite.yaml")->required();
   AddSet(show, &options->assignments, "the file");
   show->add_option("--as", options->as, "what the file is; without it, its keys decide")
       ->check(CLI::IsMember({"recipe", "rig", "calibration"}));
-  return {app, [options, reference, commands, &program] {
+  return {app, [options, reference] {
             if (*reference) return PrintKeys();
-            if (*commands) {
-              fmt::print("{}", CommandReference(&program));
-              return 0;
-            }
             const ConfigSource source = ReadSource(options->file, options->assignments);
             fmt::print("{}", KindOf(source, options->as).resolve(source));
             return 0;

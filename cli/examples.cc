@@ -26,7 +26,6 @@ const std::map<std::string, std::string>& Examples() {
                             "out/capture/capture.json -o out/check\n"},
       {"completion bash",
        "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
-      {"config commands", "volalign config commands\n"},
       {"config reference", "volalign config reference\n"},
       {"config show", "volalign config show configs/rig_ring4.yaml --set seed=7\n"},
       {"convert",

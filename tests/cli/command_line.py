@@ -47,18 +47,13 @@ WITH = {
 }
 
 
-def sections_of(text):
-    """Of `volalign config commands`: (sub-command, what is said of it)."""
-    sections = re.split(r"^## volalign (.+)$", text, flags=re.MULTILINE)[1:]
-    return zip(sections[::2], sections[1::2])
-
-
 def options_of(text):
-    """Sub-command -> (names, meaning) of its options, not its positional arguments."""
-    return {
-        name: [(names, " ".join(meaning.split())) for names, meaning in re.findall(r"^- `(-[^`]*)`: (.*(?:\n  .*)*)$", body, flags=re.MULTILINE)]
-        for name, body in sections_of(text)
-    }
+    """Of a --help: names, meaning, and what stands behind the names, of its options."""
+    found = []
+    for line, below in re.findall(r"^  (-.*)(?:\n {30}(.*))?$", text, flags=re.MULTILINE):
+        names, _, notes = (line if below else line[:28]).partition(" ")
+        found.append((names, below or line[28:].strip(), notes.strip()))
+    return found
 
 
 def has_name(names, wanted):
@@ -70,7 +65,7 @@ def deviating_names(options):
     """Sentences: options of one meaning that are called otherwise, and one name with two meanings."""
     found = []
     for command, rows in options.items():
-        for names, meaning in rows:
+        for names, meaning, _ in rows:
             for pattern, wanted in NAMES:
                 means = re.search(pattern, meaning) is not None
                 if means and not has_name(names, wanted):
@@ -78,15 +73,10 @@ def deviating_names(options):
                 if not means and has_name(names, wanted):
                     found.append(f"volalign {command} {names} means something else elsewhere: {meaning}")
     for wanted, commands in WITH.items():
-        having = sorted(command for command, rows in options.items() if any(has_name(names, wanted) for names, _ in rows))
+        having = sorted(command for command, rows in options.items() if any(has_name(names, wanted) for names, _, _ in rows))
         if having != commands.split(", "):
             found.append(f"{wanted} is an option of {', '.join(having)}; expected: {commands}")
     return found
-
-
-def examples_of(text):
-    """Sub-command -> lines of its example."""
-    return {name: re.findall(r"^    (volalign .+)$", body, flags=re.MULTILINE) for name, body in sections_of(text)}
 
 
 class WithoutEgl(InAFolder):
@@ -105,22 +95,27 @@ class WithoutEgl(InAFolder):
 
 
 class CommandLine(InAFolder):
+    def helps(self):
+        """Sub-command, without groups -> its --help."""
+        names = re.findall(r'^      "(.+)"\) command=', self.expect("completion bash", 0), flags=re.MULTILINE)
+        return {name: self.expect(f"{name} --help", 0) for name in names if not any(other.startswith(f"{name} ") for other in names)}
+
     def test_every_example_works_in_an_empty_folder(self):
-        text = self.expect("config commands", 0)
-        examples = examples_of(text)
+        helps = self.helps()
+        examples = {name: re.findall(r"^  (volalign .+)$", text, flags=re.MULTILINE) for name, text in helps.items()}
         self.assertGreater(len(examples), 12)
         done = set()
         for name, lines in examples.items():
             self.assertTrue(lines, f"volalign {name} has no example")
             self.assertTrue(f"{lines[-1]} ".startswith(f"volalign {name} "), lines[-1])
-            self.assertTrue(self.expect(f"{name} --help", 0).rstrip().endswith(lines[-1]), name)
+            self.assertTrue(helps[name].rstrip().endswith(lines[-1]), name)
             for line in lines:
                 if line in done:
                     continue
                 done.add(line)
                 status, output = self.run_line(line)
                 self.assertEqual(status, 0, f"{line}\n{output}")
-                self.expect_record(line, options_of(text)[next(key for key in examples if f"{line} ".startswith(f"volalign {key} "))])
+                self.expect_record(line, options_of(helps[next(key for key in examples if f"{line} ".startswith(f"volalign {key} "))]))
         self.assertIn("refine:", self.read("out/calibration/options.yaml"))
         # What was used stands beside what came out, and serves again.
         self.assertIn("tripods:", self.expect("config show out/capture/rig.yaml", 0))
@@ -143,7 +138,7 @@ class CommandLine(InAFolder):
         self.assertEqual(sorted(os.listdir(self.folder)), before)
 
     def test_options_have_the_same_names_everywhere(self):
-        options = options_of(self.expect("config commands", 0))
+        options = {name: options_of(text) for name, text in self.helps().items()}
         self.assertGreater(sum(len(rows) for rows in options.values()), 60)
         self.assertEqual(deviating_names(options), [])
 
@@ -158,9 +153,8 @@ class CommandLine(InAFolder):
         self.assertIn(line.split("#")[0].strip()[len("volalign") :], text.split("\n")[1])
         for option in re.findall(r" (--[\w-]+)", line.split("#")[0]):
             self.assertIn(f"\n  {option[2:]}: ", text, line)
-        for names, meaning in options:
-            default = re.search(r"; default (\S+)", meaning)
-            if default:
+        for names, _, notes in options:
+            if "default " in notes:
                 name = re.search(r"--([\w-]+)", names).group(1)
                 self.assertIn(f"\n  {name}: ", text, line)
 
@@ -482,10 +476,7 @@ class CommandLine(InAFolder):
         )
 
     def test_help_is_in_words(self):
-        text = self.expect("config commands", 0)
-        commands = [name for name in options_of(text) if name]
-        for command in commands:
-            output = self.expect(f"{command} --help", 0)
+        for output in self.helps().values():
             self.assertIsNone(re.search(r"\b(FLOAT|INT|UINT|TEXT|ENUM):", output), output)
         self.expect("check --help", 0, "--false-alarm FLOAT (1e-12 to 0.1; default 1e-05)", "--max-mm FLOAT (0 or above; default 0)")
         self.expect("calibrate --help", 0, "--initial {auto,network,geometry}", "--capture TEXT ... (required)")
