@@ -75,6 +75,14 @@ Array Owned(std::vector<double> values, std::vector<py::ssize_t> shape);
 Pose PoseOf(const py::handle& array, const std::string& what);
 Eigen::Vector3d VectorOf(const py::handle& array, const std::string& what);
 
+/// The parts of what `owner` keeps, by their names. Each keeps the owner.
+template <class T>
+py::dict PartsByName(const std::shared_ptr<void>& owner, std::vector<T>& parts) {
+  py::dict named;
+  for (T& part : parts) named[py::str(part.name)] = std::shared_ptr<T>(owner, &part);
+  return named;
+}
+
 /// A contiguous array of numpy's `dtype`, and its memory.
 struct Input {
   py::object array;

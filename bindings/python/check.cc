@@ -68,14 +68,6 @@ void AddMovement(py::module_& module) {
                     "(6, 6) float64, see SensorResult.covariance.");
 }
 
-/// Each keeps the check.
-py::dict MovementsOf(const std::shared_ptr<Checked>& checked) {
-  py::dict sensors;
-  for (SensorMovement& sensor : checked->check.movements.sensors)
-    sensors[py::str(sensor.name)] = std::shared_ptr<SensorMovement>(checked, &sensor);
-  return sensors;
-}
-
 std::vector<std::string> MovedOf(const Checked& checked) {
   std::vector<std::string> moved;
   for (const SensorMovement& sensor : checked.check.movements.sensors) {
@@ -90,7 +82,12 @@ void AddCheck(py::module_& module) {
   AddMovement(module);
   py::class_<Checked, std::shared_ptr<Checked>>(
       module, "Check", "The sensors that moved since a calibration; str() is the program's report.")
-      .def_property_readonly("sensors", &MovementsOf, "Movement by name.")
+      .def_property_readonly(
+          "sensors",
+          [](const std::shared_ptr<Checked>& checked) {
+            return PartsByName(checked, checked->check.movements.sensors);
+          },
+          "Movement by name.")
       .def_property_readonly("moved", &MovedOf, "Names of the sensors that have moved.")
       .def_property_readonly(
           "not_compared",

@@ -27,8 +27,8 @@ std::shared_ptr<RigPlan> Plan(const py::object& rig, int trials, int threads,
 }
 
 void AddPlannedSensor(py::module_& module) {
-  py::class_<PlannedSensor>(module, "PlannedSensor",
-                            "The view and the expected accuracy of a planned sensor.")
+  py::class_<PlannedSensor, std::shared_ptr<PlannedSensor>>(
+      module, "PlannedSensor", "The view and the expected accuracy of a planned sensor.")
       .def_readonly("name", &PlannedSensor::name)
       .def_readonly("sensor", &PlannedSensor::sensor)
       .def_readonly("intrinsics", &PlannedSensor::intrinsics)
@@ -65,11 +65,7 @@ void AddPlan(py::module_& module) {
       .def_readonly("trials", &RigPlan::trials)
       .def_property_readonly(
           "sensors",
-          [](const RigPlan& plan) {
-            py::dict sensors;
-            for (const PlannedSensor& sensor : plan.sensors) sensors[py::str(sensor.name)] = sensor;
-            return sensors;
-          },
+          [](const std::shared_ptr<RigPlan>& plan) { return PartsByName(plan, plan->sensors); },
           "PlannedSensor by name.")
       .def_readonly("pairs", &RigPlan::pairs)
       .def("_repr_svg_", &PlanPicture)

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -22,123 +21,101 @@ namespace {
 
 constexpr double kDegrees = 180 / M_PI;
 
-/// A part of a result, which it keeps.
-template <class T>
-struct PartOf {
-  std::shared_ptr<const Calibrated> whole;
-  const T* part;
+using Whole = std::shared_ptr<Calibrated>;
+using SensorPart = std::shared_ptr<FrameResult>;
+using CapturePart = std::shared_ptr<CaptureResult>;
 
-  const T* operator->() const { return part; }
-};
-using SensorPart = PartOf<FrameResult>;
-using CapturePart = PartOf<CaptureResult>;
-struct BoxPart : PartOf<RefinedBox> {
+struct NamedBox : RefinedBox {
   std::string name;
 };
 
-py::dict SensorsOf(const std::shared_ptr<const Calibrated>& whole, const StackResult& stack) {
-  py::dict sensors;
-  for (const FrameResult& sensor : stack.sensors)
-    sensors[py::str(sensor.name)] = SensorPart{whole, &sensor};
-  return sensors;
-}
-
-py::dict BoxesOf(const std::shared_ptr<const Calibrated>& whole, const StackResult& stack) {
+py::dict BoxesOf(const StackResult& stack) {
   py::dict boxes;
   for (std::size_t i = 0; i < stack.boxes.size(); ++i) {
-    const std::string& name = whole->structure.boxes()[i].name;
-    boxes[py::str(name)] = BoxPart{{whole, &stack.boxes[i]}, name};
+    const std::string& name = stack.built.boxes()[i].name;
+    boxes[py::str(name)] = NamedBox{stack.boxes[i], name};
   }
   return boxes;
 }
 
-/// A property that is a member of the part, or the result of one of its functions.
-template <class Class, class Member>
-void AddMember(Class* type, const char* name, Member member, const char* doc = "") {
-  using Part = typename Class::type;
-  type->def_property_readonly(
-      name, [member](const Part& part) { return std::invoke(member, *part.part); }, doc);
-}
-
-/// The same of a placed sensor; None of a failed one.
+/// A property of a placed sensor; None of a failed one.
 template <class Member>
-void AddIfPlaced(py::class_<SensorPart>* type, const char* name, Member FrameResult::*member,
-                 const char* doc) {
-  type->def_property_readonly(
-      name,
-      [member](const SensorPart& s) {
-        return s->structure_from_sensor ? std::optional<Member>((*s.part).*member) : std::nullopt;
-      },
-      doc);
+auto IfPlaced(Member FrameResult::*member) {
+  return [member](const FrameResult& s) {
+    return s.structure_from_sensor ? std::optional<Member>(s.*member) : std::nullopt;
+  };
 }
 
 void AddSensor(py::module_& module) {
-  py::class_<SensorPart> sensor(module, "SensorResult",
-                                "A sensor's outcome. Poses are structure_from_sensor: "
-                                "p_structure = T p_sensor, m; sensor x right, y down, z forward.");
-  AddMember(&sensor, "name", &FrameResult::name);
-  AddMember(&sensor, "status", &FrameResult::status,
-            "\"ok\", \"weak\" (placed, but see code and reason) or \"failed\" (no pose).");
-  AddMember(&sensor, "code", &FrameResult::code,
-            "Why it is not ok, such as \"no_structure\"; \"\" of one that is.");
-  AddMember(&sensor, "reason", &FrameResult::reason, "The same as a sentence.");
-  AddMember(&sensor, "hint", &FrameResult::hint, "Advice on what to do.");
-  AddMember(&sensor, "structure_from_sensor", &FrameResult::structure_from_sensor,
-            "(4, 4) float64; None of a failed sensor.");
-  AddIfPlaced<Matrix6d>(
-      &sensor, "covariance", &FrameResult::covariance,
-      "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
-      "frame: a movement about the structure's origin. None of a failed sensor.");
-  AddMember(&sensor, "sigma_position_m", &FrameResult::sigma_position_m,
-            "(3,) float64: standard deviations of its position along the structure's axes, m; NaN "
-            "of a failed sensor.");
-  AddMember(&sensor, "sigma_rotation_deg", &FrameResult::sigma_rotation_deg,
-            "(3,) float64: of its rotation about them, deg.");
-  AddIfPlaced<Pose>(&sensor, "initial", &FrameResult::initial,
-                    "(4, 4) float64: the pose before the joint solution; None of a failed sensor.");
-  AddMember(&sensor, "initial_source", &FrameResult::initial_source,
-            "\"network\", \"geometry\" or \"prior\".");
-  AddMember(&sensor, "prior", &FrameResult::prior,
-            "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.");
-  AddMember(&sensor, "prior_used", &FrameResult::prior_used, "Do the frames not contradict it?");
-  AddMember(&sensor, "together", &FrameResult::together,
-            "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would "
-            "give it; else None.");
-  AddMember(&sensor, "disagrees_with", &FrameResult::disagrees_with);
-  AddMember(&sensor, "sides", &FrameResult::sides, "Sides that were found and agree.");
-  AddMember(&sensor, "points", &FrameResult::points, "Pixels with depth and a side's label.");
-  AddMember(&sensor, "rms_to_structure_m", &FrameResult::rms_to_structure_m);
-  AddMember(&sensor, "inlier_share", &FrameResult::inlier_share);
-  AddMember(&sensor, "miou", &FrameResult::miou);
-  AddMember(&sensor, "explained_share", &FrameResult::explained_share);
-  AddMember(&sensor, "depth_gain", &FrameResult::depth_gain,
-            "True depth = measured depth * depth_gain + depth_offset_m.");
-  AddMember(&sensor, "depth_offset_m", &FrameResult::depth_offset_m);
-  AddMember(&sensor, "quarter_turns", &FrameResult::quarter_turns);
-  AddMember(&sensor, "intrinsics", &FrameResult::intrinsics, "That the pose belongs to.");
-  AddMember(&sensor, "intrinsics_given", &FrameResult::intrinsics_given,
-            "The intrinsics of the capture.");
-  AddMember(&sensor, "error", &FrameResult::error,
-            "(m, deg) against the ground truth; None without one.");
-  AddMember(&sensor, "initial_error", &FrameResult::initial_error, "The same of `initial`.");
-  sensor
+  py::class_<FrameResult, SensorPart>(
+      module, "SensorResult",
+      "A sensor's outcome. Poses are structure_from_sensor: "
+      "p_structure = T p_sensor, m; sensor x right, y down, z forward.")
+      .def_readonly("name", &FrameResult::name)
+      .def_readonly("status", &FrameResult::status,
+                    "\"ok\", \"weak\" (placed, but see code and reason) or \"failed\" (no pose).")
+      .def_readonly("code", &FrameResult::code,
+                    "Why it is not ok, such as \"no_structure\"; \"\" of one that is.")
+      .def_readonly("reason", &FrameResult::reason, "The same as a sentence.")
+      .def_readonly("hint", &FrameResult::hint, "Advice on what to do.")
+      .def_readonly("structure_from_sensor", &FrameResult::structure_from_sensor,
+                    "(4, 4) float64; None of a failed sensor.")
       .def_property_readonly(
-          "lens_source", [](const SensorPart& s) { return s->lens.source; },
+          "covariance", IfPlaced<Matrix6d>(&FrameResult::covariance),
+          "(6, 6) float64 of d = [translation m; rotation vector rad] in T = Exp(d) T^, structure "
+          "frame: a movement about the structure's origin. None of a failed sensor.")
+      .def_property_readonly(
+          "sigma_position_m", &FrameResult::sigma_position_m,
+          "(3,) float64: standard deviations of its position along the structure's axes, m; NaN "
+          "of a failed sensor.")
+      .def_property_readonly("sigma_rotation_deg", &FrameResult::sigma_rotation_deg,
+                             "(3,) float64: of its rotation about them, deg.")
+      .def_property_readonly(
+          "initial", IfPlaced<Pose>(&FrameResult::initial),
+          "(4, 4) float64: the pose before the joint solution; None of a failed sensor.")
+      .def_readonly("initial_source", &FrameResult::initial_source,
+                    "\"network\", \"geometry\" or \"prior\".")
+      .def_readonly(
+          "prior", &FrameResult::prior,
+          "(4, 4) float64: its prior, in the frame of structure_from_sensor; None without one.")
+      .def_readonly("prior_used", &FrameResult::prior_used, "Do the frames not contradict it?")
+      .def_readonly(
+          "together", &FrameResult::together,
+          "(4, 4) float64: of a sensor that disagrees with the others, the pose that they would "
+          "give it; else None.")
+      .def_readonly("disagrees_with", &FrameResult::disagrees_with)
+      .def_readonly("sides", &FrameResult::sides, "Sides that were found and agree.")
+      .def_readonly("points", &FrameResult::points, "Pixels with depth and a side's label.")
+      .def_readonly("rms_to_structure_m", &FrameResult::rms_to_structure_m)
+      .def_readonly("inlier_share", &FrameResult::inlier_share)
+      .def_readonly("miou", &FrameResult::miou)
+      .def_readonly("explained_share", &FrameResult::explained_share)
+      .def_readonly("depth_gain", &FrameResult::depth_gain,
+                    "True depth = measured depth * depth_gain + depth_offset_m.")
+      .def_readonly("depth_offset_m", &FrameResult::depth_offset_m)
+      .def_readonly("quarter_turns", &FrameResult::quarter_turns)
+      .def_readonly("intrinsics", &FrameResult::intrinsics, "That the pose belongs to.")
+      .def_readonly("intrinsics_given", &FrameResult::intrinsics_given,
+                    "The intrinsics of the capture.")
+      .def_readonly("error", &FrameResult::error,
+                    "(m, deg) against the ground truth; None without one.")
+      .def_readonly("initial_error", &FrameResult::initial_error, "The same of `initial`.")
+      .def_property_readonly(
+          "lens_source", [](const FrameResult& s) { return s.lens.source; },
           "\"given\", \"kind\", \"recognised\" or \"estimated\".")
       .def_property_readonly(
-          "labels", [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.labels); },
+          "labels", [](const SensorPart& s) { return ViewOf(s, s->segmentation.labels); },
           "(H, W) uint8, read-only: found labels, 0 is background. None for a result of several "
           "captures, whose images are in `stills`.")
       .def_property_readonly(
-          "confidence",
-          [](const SensorPart& s) { return ViewOf(s.whole, s->segmentation.confidence); },
+          "confidence", [](const SensorPart& s) { return ViewOf(s, s->segmentation.confidence); },
           "(H, W) float32, read-only: probability of each label; None as `labels`.")
       .def_property_readonly(
-          "depth", [](const SensorPart& s) { return ViewOf(s.whole, s->view.depth); },
+          "depth", [](const SensorPart& s) { return ViewOf(s, s->view.depth); },
           "(H, W) float32, read-only: depth as it was used, m; None as `labels`.")
-      .def("__repr__", [](const SensorPart& s) {
-        return fmt::format("<SensorResult {}: {} {}>", s->name, ToString(s->status),
-                           ToString(s->code));
+      .def("__repr__", [](const FrameResult& s) {
+        return fmt::format("<SensorResult {}: {} {}>", s.name, ToString(s.status),
+                           ToString(s.code));
       });
 }
 
@@ -170,32 +147,30 @@ void AddStack(py::module_& module) {
         return fmt::format("<Finding {}: {}>", ToString(finding.code), finding.reason);
       });
 
-  py::class_<BoxPart> box(module, "BoxResult", "A box as it was found, against its nominal place.");
-  box.def_readonly("name", &BoxPart::name);
-  AddMember(&box, "estimated", &RefinedBox::estimated);
-  AddMember(&box, "x_m", &RefinedBox::x);
-  AddMember(&box, "z_m", &RefinedBox::z);
-  box.def_property_readonly("yaw_deg", [](const BoxPart& b) { return kDegrees * b->yaw; });
-  AddMember(&box, "sigma_x_m", &RefinedBox::sigma_x);
-  AddMember(&box, "sigma_z_m", &RefinedBox::sigma_z);
-  box.def_property_readonly("sigma_yaw_deg",
-                            [](const BoxPart& b) { return kDegrees * b->sigma_yaw; });
+  py::class_<NamedBox>(module, "BoxResult", "A box as it was found, against its nominal place.")
+      .def_readonly("name", &NamedBox::name)
+      .def_readonly("estimated", &NamedBox::estimated)
+      .def_readonly("x_m", &NamedBox::x)
+      .def_readonly("z_m", &NamedBox::z)
+      .def_property_readonly("yaw_deg", [](const NamedBox& b) { return kDegrees * b.yaw; })
+      .def_readonly("sigma_x_m", &NamedBox::sigma_x)
+      .def_readonly("sigma_z_m", &NamedBox::sigma_z)
+      .def_property_readonly("sigma_yaw_deg",
+                             [](const NamedBox& b) { return kDegrees * b.sigma_yaw; });
 
-  py::class_<CapturePart> capture(
+  py::class_<CaptureResult, CapturePart>(
       module, "StillResult",
-      "One of several captures; poses are in the structure where it stood "
-      "then.");
-  AddMember(&capture, "name", &CaptureResult::name);
-  AddMember(&capture, "first_from_placement", &CaptureResult::first_from_placement,
-            "(4, 4) float64: where the structure stood, in the structure frame of the first.");
-  AddMember(&capture, "covariance", &CaptureResult::covariance,
-            "(6, 6) float64, as a sensor's; zero of the first.");
-  AddMember(&capture, "built", &CaptureResult::built);
-  capture
+      "One of several captures; poses are in the structure where it stood then.")
+      .def_readonly("name", &CaptureResult::name)
+      .def_readonly("first_from_placement", &CaptureResult::first_from_placement,
+                    "(4, 4) float64: where the structure stood, in the structure frame of the "
+                    "first.")
+      .def_readonly("covariance", &CaptureResult::covariance,
+                    "(6, 6) float64, as a sensor's; zero of the first.")
+      .def_readonly("built", &CaptureResult::built)
       .def_property_readonly("sensors",
-                             [](const CapturePart& s) { return SensorsOf(s.whole, *s.part); })
-      .def_property_readonly("boxes",
-                             [](const CapturePart& s) { return BoxesOf(s.whole, *s.part); });
+                             [](const CapturePart& s) { return PartsByName(s, s->sensors); })
+      .def_property_readonly("boxes", [](const CaptureResult& s) { return BoxesOf(s); });
 }
 
 py::object ToDict(const Calibrated& calibrated) {
@@ -226,10 +201,9 @@ void SaveReport(const Calibrated& c, const Path& file) {
 void AddResult(py::module_& module) {
   AddSensor(module);
   AddStack(module);
-  using Whole = std::shared_ptr<Calibrated>;
   py::class_<Calibrated, Whole>(module, "Result", "A calibration; str() is the program's report.")
       .def_property_readonly(
-          "sensors", [](const Whole& c) { return SensorsOf(c, c->result); },
+          "sensors", [](const Whole& c) { return PartsByName(c, c->result.sensors); },
           "SensorResult by name.")
       .def_property_readonly(
           "verdict", [](const Calibrated& c) { return c.result.verdict(); },
@@ -242,7 +216,7 @@ void AddResult(py::module_& module) {
           "How many sensors have a pose.")
       .def_property_readonly("pairs", [](const Calibrated& c) { return c.result.pairs; })
       .def_property_readonly(
-          "boxes", [](const Whole& c) { return BoxesOf(c, c->result); }, "BoxResult by name.")
+          "boxes", [](const Calibrated& c) { return BoxesOf(c.result); }, "BoxResult by name.")
       .def_property_readonly(
           "size_scale", [](const Calibrated& c) { return c.result.size_scale; },
           "Factor on the size of all boxes.")
@@ -254,8 +228,7 @@ void AddResult(py::module_& module) {
           "stills",
           [](const Whole& c) {
             std::vector<CapturePart> captures;
-            for (const CaptureResult& capture : c->result.captures)
-              captures.push_back({c, &capture});
+            for (CaptureResult& capture : c->result.captures) captures.emplace_back(c, &capture);
             return captures;
           },
           "StillResult of each of several captures; empty of a single one.")
