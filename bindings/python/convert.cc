@@ -1,7 +1,6 @@
 #include <fmt/format.h>
 #include <pybind11/stl.h>
 
-#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>
@@ -20,7 +19,7 @@ namespace volalign::python {
 
 namespace {
 
-std::vector<SensorPose> PosesOf(const py::dict& poses) {
+std::vector<SensorPose> GivenPoses(const py::dict& poses) {
   std::vector<SensorPose> list;
   for (const auto& [key, value] : poses) {
     SensorPose pose;
@@ -31,28 +30,6 @@ std::vector<SensorPose> PosesOf(const py::dict& poses) {
     }
     pose.name = py::str(key);
     list.push_back(std::move(pose));
-  }
-  return list;
-}
-
-std::vector<SensorPose> PosesOf(const Calibrated& calibrated) {
-  std::vector<SensorPose> list;
-  for (const FrameResult& sensor : calibrated.result.sensors) {
-    if (sensor.structure_from_sensor)
-      list.push_back({sensor.name,
-                      *sensor.structure_from_sensor,
-                      sensor.intrinsics,
-                      {},
-                      {},
-                      sensor.depth_gain,
-                      sensor.depth_offset_m});
-  }
-  for (const Capture& capture : calibrated.captures) {
-    for (const SensorFrame& frame : capture.frames) {
-      const auto pose = std::find_if(list.begin(), list.end(),
-                                     [&](const SensorPose& one) { return one.name == frame.name; });
-      if (pose != list.end() && frame.colour) pose->colour = frame.colour;
-    }
   }
   return list;
 }
@@ -109,10 +86,10 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
   WorldChoice choice = ChoiceOf(origin, up, camera, poses_for, frame);
   std::vector<SensorPose> poses;
   if (py::isinstance<Calibrated>(source)) {
-    const auto& calibrated = source.cast<const Calibrated&>();
-    poses = PosesOf(calibrated);
-    choice.floor_m = calibrated.structure.FloorHeight();
-    choice.world = calibrated.source.world;
+    const Extrinsics extrinsics = source.cast<const Calibrated&>().MakeExtrinsics();
+    poses = PosesOf(extrinsics);
+    choice.floor_m = extrinsics.structure.floor_m;
+    choice.world = extrinsics.world;
   } else {
     if (choice.raw && from != kVolalignPoses)
       throw ConfigError("poses_for = 'raw' needs a Result or an extrinsics.json");
@@ -185,7 +162,7 @@ void AddConvert(py::module_& module) {
       "write_poses",
       [](const Path& path, const std::string& format, const py::dict& poses,
          const ColourFiles& colour_cameras) {
-        return Write(PathOf(path), format, PosesOf(poses), CamerasOf(colour_cameras));
+        return Write(PathOf(path), format, GivenPoses(poses), CamerasOf(colour_cameras));
       },
       py::arg("path"), py::arg("format"), py::arg("poses"), py::kw_only(),
       py::arg("colour_cameras") = ColourFiles(),

@@ -106,23 +106,6 @@ Files ReadFolder(const std::filesystem::path& path) {
   return files;
 }
 
-/// The sensors of an extrinsics.json that have a pose.
-std::vector<SensorPose> ReadPosesOfExtrinsics(const std::filesystem::path& path) {
-  std::vector<SensorPose> poses;
-  for (const Extrinsics::Sensor& sensor : ReadExtrinsics(path).sensors) {
-    if (!sensor.structure_from_sensor) continue;
-    poses.push_back(
-        {sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, sensor.serial});
-    poses.back().intrinsics_given = sensor.intrinsics_given;
-    if (std::isfinite(sensor.depth_gain) && std::isfinite(sensor.depth_offset_m)) {
-      poses.back().depth_gain = sensor.depth_gain;
-      poses.back().depth_offset_m = sensor.depth_offset_m;
-    }
-    if (sensor.colour) poses.back().colour = static_cast<const ColourCamera&>(*sensor.colour);
-  }
-  return poses;
-}
-
 Pose ZUp() {
   Pose pose = Pose::Identity();
   pose.linear() = ZUpFromYUp();
@@ -208,7 +191,7 @@ std::pair<Pose, FileFrame> WorldOf(const std::string& format, const std::vector<
 }
 
 std::vector<SensorPose> ReadAny(const std::filesystem::path& path, const Format& format) {
-  if (format.word == std::string(kVolalignPoses)) return ReadPosesOfExtrinsics(path);
+  if (format.word == std::string(kVolalignPoses)) return PosesOf(ReadExtrinsics(path));
   if (!format.readable()) throw ConfigError(fmt::format("{} is written and not read", format.word));
   if (const auto* read = std::get_if<PosesOfFiles>(&format.read)) return (*read)(ReadFolder(path));
   return std::get<PosesOfText>(format.read)(ReadFile(path, kMaxResultBytes), path.string());
@@ -306,6 +289,22 @@ std::vector<std::string> PoseFormats() {
 bool IsReadable(const std::string& format) { return FormatOf(format).readable(); }
 
 bool IsFolder(const std::string& format) { return FormatOf(format).folder(); }
+
+std::vector<SensorPose> PosesOf(const Extrinsics& extrinsics) {
+  std::vector<SensorPose> poses;
+  for (const Extrinsics::Sensor& sensor : extrinsics.sensors) {
+    if (!sensor.structure_from_sensor) continue;
+    poses.push_back(
+        {sensor.name, *sensor.structure_from_sensor, sensor.intrinsics, {}, sensor.serial});
+    poses.back().intrinsics_given = sensor.intrinsics_given;
+    if (std::isfinite(sensor.depth_gain) && std::isfinite(sensor.depth_offset_m)) {
+      poses.back().depth_gain = sensor.depth_gain;
+      poses.back().depth_offset_m = sensor.depth_offset_m;
+    }
+    if (sensor.colour) poses.back().colour = static_cast<const ColourCamera&>(*sensor.colour);
+  }
+  return poses;
+}
 
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, const std::string& format,
                                   const ColourCameras& colour) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "infer/formats/poses/sensor_pose.h"
+#include "infer/report/extrinsics.h"
 #include "infer/report/world_frame.h"
 
 namespace volalign {
@@ -46,6 +47,9 @@ bool IsReadable(const std::string& format);
 
 /// Is that format a folder of files?
 bool IsFolder(const std::string& format);
+
+/// The sensors of a calibration that have a pose.
+std::vector<SensorPose> PosesOf(const Extrinsics& extrinsics);
 
 /// Reads a file, or a folder if the format is one, or the folder of a calibration for `volalign`.
 /// Formats without names name the sensors by their number. Poses are as in the file, y up. Colour

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import volalign
+from conftest import ANGLES, depth_of, frame_of, true_pose
 
 
 def test_of_files(result, tmp_path):
@@ -12,6 +13,16 @@ def test_of_files(result, tmp_path):
     found = volalign.read_poses(tmp_path / "a.yaml", "opencv")["S1"]
     np.testing.assert_allclose(found.structure_from_sensor, result.sensors["S1"].structure_from_sensor, atol=1e-9)
     assert found.intrinsics == result.sensors["S1"].intrinsics
+
+
+def test_a_result_is_converted_as_its_file(stack, tmp_path):
+    frames = [frame_of(name, depth_of(true_pose(angle)), serial="0815" + name) for name, angle in ANGLES.items()]
+    result = volalign.calibrate(volalign.Capture(frames, structure=stack), model=None)
+    result.save(tmp_path / "out", report=False)
+    notes = [volalign.convert(source, "cwipc", tmp_path / file) for source, file in ((result, "a"), (tmp_path / "out", "b"))]
+    assert notes[0] == notes[1]
+    assert (tmp_path / "a").read_text() == (tmp_path / "b").read_text()
+    assert "0815S1" in (tmp_path / "a").read_text()
 
 
 def test_raw_depths_need_the_structures_place(result, tmp_path):
