@@ -45,35 +45,35 @@ void FindRuns(const fs::path& dir, bool below, std::vector<fs::path>* found,
 }
 
 void AddRow(const json& row, LoggedRun* run) {
-  const std::string prefix = row.at("type").get<std::string>() + "/";
+  std::map<std::string, double>& last = run->last[row.at("type").get<std::string>()];
   if (!row.at("samples").is_number_integer())
     throw DataError(
         fmt::format("samples = {} is no whole number", Shortened(row["samples"].dump())));
-  const auto samples = row.at("samples").get<std::int64_t>();
-  run->samples = std::max(run->samples, samples);
-  run->last_rows[prefix] = samples;
+  run->samples = std::max(run->samples, row.at("samples").get<std::int64_t>());
+  last.clear();
   for (const auto& [key, value] : row.items()) {
-    if (!value.is_number() || key == "samples") continue;
-    Curve& curve = run->curves[prefix + key];
-    curve.samples.push_back(samples);
-    curve.values.push_back(value.get<double>());
+    if (value.is_number()) last[key] = value.get<double>();
   }
+  if (last.count("miou") > 0) run->miou.push_back(last["miou"]);
+  if (last.count("samples_per_s") > 0) run->samples_per_s.push_back(last["samples_per_s"]);
+}
+
+std::string ValueOf(const LoggedRun& run, const std::string& key) {
+  const auto found = run.config.find(key);
+  return found == run.config.end() ? std::string() : found->second;
 }
 
 }  // namespace
 
-std::optional<double> LoggedRun::Last(const std::string& metric) const {
-  const auto curve = curves.find(metric);
-  if (curve == curves.end()) return std::nullopt;
-  const auto last = last_rows.find(metric.substr(0, metric.find('/') + 1));
-  if (last != last_rows.end() && last->second != curve->second.samples.back()) return std::nullopt;
-  return curve->second.values.back();
+std::optional<double> LoggedRun::Last(const std::string& type, const std::string& metric) const {
+  const auto row = last.find(type);
+  if (row == last.end() || row->second.count(metric) == 0) return std::nullopt;
+  return row->second.at(metric);
 }
 
 std::optional<double> LoggedRun::SamplesPerSecond() const {
-  const auto curve = curves.find("train/samples_per_s");
-  if (curve == curves.end()) return std::nullopt;
-  return Quantile(curve->second.values, 0.5);
+  if (samples_per_s.empty()) return std::nullopt;
+  return Quantile(samples_per_s, 0.5);
 }
 
 LoggedRun ReadRun(const fs::path& dir) {
@@ -123,20 +123,16 @@ std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs) {
   for (const LoggedRun& run : runs) {
     for (const auto& [key, unused] : run.config) keys.insert(key);
   }
-  const auto value = [](const LoggedRun& run, const std::string& key) {
-    const auto found = run.config.find(key);
-    return found == run.config.end() ? std::string() : found->second;
-  };
   for (const std::string& key : keys) {
     if (key == "run.seed") continue;  // in this the runs of a group may differ
     for (const LoggedRun& run : runs) {
-      if (value(run, key) != value(runs.front(), key)) differing.insert(key);
+      if (ValueOf(run, key) != ValueOf(runs.front(), key)) differing.insert(key);
     }
   }
   std::vector<RunGroup> groups;
   for (const LoggedRun& run : runs) {
     std::map<std::string, std::string> own;
-    for (const std::string& key : differing) own[key] = value(run, key);
+    for (const std::string& key : differing) own[key] = ValueOf(run, key);
     auto group = std::find_if(groups.begin(), groups.end(),
                               [&](const RunGroup& g) { return g.differences == own; });
     if (group == groups.end()) group = groups.insert(groups.end(), RunGroup{own, {}});
@@ -169,10 +165,7 @@ std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGrou
   }
   for (RunGroup& group : *groups) {
     group.differences.clear();
-    for (const std::string& key : shown) {
-      const auto found = group.runs.front().config.find(key);
-      group.differences[key] = found == group.runs.front().config.end() ? "" : found->second;
-    }
+    for (const std::string& key : shown) group.differences[key] = ValueOf(group.runs.front(), key);
   }
   return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const auto& item) {
     return groups->front().differences.count(item.first) == 0;
@@ -193,16 +186,9 @@ constexpr std::array<const char*, 6> kValidationMetrics = {"miou",
 
 Cell CellOf(const std::optional<double>& value) { return value ? Cell(*value) : Cell(); }
 
-/// Nothing if the run's configuration has no such number.
-std::optional<double> NumberOf(const LoggedRun& run, const std::string& key) {
-  const auto found = run.config.find(key);
-  return found == run.config.end() ? std::nullopt : volalign::NumberOf(found->second);
-}
-
 Cell BestOf(const LoggedRun& run) {
-  const auto curve = run.curves.find("validation/miou");
-  if (curve == run.curves.end()) return {};
-  return *std::max_element(curve->second.values.begin(), curve->second.values.end());
+  if (run.miou.empty()) return {};
+  return *std::max_element(run.miou.begin(), run.miou.end());
 }
 
 std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
@@ -234,8 +220,8 @@ std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
   const auto by_seeds = [&](const RunGroup& runs) {
     std::map<double, double> values;
     for (const LoggedRun& run : runs.runs) {
-      const auto value = run.Last("validation/" + metric);
-      if (value) values[NumberOf(run, "run.seed").value_or(-1)] = *value;
+      const auto value = run.Last("validation", metric);
+      if (value) values[NumberOf(ValueOf(run, "run.seed")).value_or(-1)] = *value;
     }
     return values;
   };
@@ -261,9 +247,10 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
   table.columns.insert(table.columns.end(), {"best miou", "samples_per_s"});
   for (const LoggedRun& run : runs) {
     std::vector<Cell> row = {run.name, std::int64_t{run.samples},
-                             CellOf(NumberOf(run, "run.samples")), CellOf(run.Last("train/loss"))};
+                             CellOf(NumberOf(ValueOf(run, "run.samples"))),
+                             CellOf(run.Last("train", "loss"))};
     for (const char* metric : kValidationMetrics) {
-      row.push_back(CellOf(run.Last(std::string("validation/") + metric)));
+      row.push_back(CellOf(run.Last("validation", metric)));
     }
     row.push_back(BestOf(run));
     row.push_back(CellOf(run.SamplesPerSecond()));
@@ -299,7 +286,7 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
       std::vector<double> values;
       for (const LoggedRun& run : group.runs) {
         const auto value =
-            metric == "samples_per_s" ? run.SamplesPerSecond() : run.Last("validation/" + metric);
+            metric == "samples_per_s" ? run.SamplesPerSecond() : run.Last("validation", metric);
         if (value) values.push_back(*value);
       }
       const auto [mean, deviation] = MeanAndDeviation(values);

@@ -11,21 +11,17 @@
 
 namespace volalign {
 
-/// A metric over the course of a run.
-struct Curve {
-  std::vector<std::int64_t> samples;  ///< rising
-  std::vector<double> values;
-};
-
 /// The content of a run folder, of a finished or unfinished run.
 struct LoggedRun {
-  std::string name;                               ///< the folder, as it was given
-  std::map<std::string, std::string> config;      ///< every key of config.yaml, as text
-  std::int64_t samples = 0;                       ///< of the last row
-  std::map<std::string, Curve> curves;            ///< "train/loss", "validation/miou", ...
-  std::map<std::string, std::int64_t> last_rows;  ///< samples of the last row: "train/", ...
-  /// The value in the last row of its kind; nothing if that row does not have it.
-  std::optional<double> Last(const std::string& metric) const;
+  std::string name;                           ///< the folder, as it was given
+  std::map<std::string, std::string> config;  ///< every key of config.yaml, as text
+  std::int64_t samples = 0;                   ///< of the last row
+  /// The numbers of the last row of each type: train, validation.
+  std::map<std::string, std::map<std::string, double>> last;
+  std::vector<double> miou, samples_per_s;  ///< of all rows
+
+  /// Nothing if the last row of that type does not have the number.
+  std::optional<double> Last(const std::string& type, const std::string& metric) const;
   std::optional<double> SamplesPerSecond() const;  ///< median over the rows
 };
 
