@@ -6,9 +6,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <memory>
 #include <utility>
 
 #include "core/base/error.h"
+#include "core/base/ordered_prefetch.h"
 #include "core/geometry/lens.h"
 
 namespace volalign {
@@ -83,15 +85,16 @@ Batch Unpack(const Batch& packed) {
           packed.cameras};
 }
 
-BatchFeed::BatchFeed(SampleSource source, const at::Device& device, int ahead)
-    : source_(std::move(source)), packer_(device) {
-  if (ahead == 0) return;
+std::function<Batch()> FeedBatches(SampleSource source, const at::Device& device, int ahead) {
+  const auto pack = [source = std::move(source), packer = std::make_shared<BatchPacker>(device)] {
+    return packer->Pack(source());
+  };
+  if (ahead == 0) return [pack] { return Unpack(pack()); };
   OrderedPrefetch<Batch>::Options options;
   options.prefetch = ahead;
-  ahead_ = std::make_unique<OrderedPrefetch<Batch>>(
-      options, [this] { return [this](std::uint64_t) { return packer_.Pack(source_()); }; });
+  const auto packed = std::make_shared<OrderedPrefetch<Batch>>(
+      options, [pack] { return [pack](std::uint64_t) { return pack(); }; });
+  return [packed] { return Unpack(packed->Take()); };
 }
-
-Batch BatchFeed::Next() { return Unpack(ahead_ ? ahead_->Take() : packer_.Pack(source_())); }
 
 }  // namespace volalign

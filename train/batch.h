@@ -4,10 +4,8 @@
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <vector>
 
-#include "core/base/ordered_prefetch.h"
 #include "render/recent_lenses.h"
 #include "render/sample.h"
 
@@ -53,22 +51,8 @@ class BatchPacker {
 /// The samples' values, bit for bit, on the device of the rays.
 Batch Unpack(const Batch& packed);
 
-/// A source's batches on a device.
-class BatchFeed {
- public:
-  /// Batches that are packed for a CUDA device while an earlier one is in training.
-  static constexpr int kAhead = 2;
-
-  /// A thread packs `ahead` batches. 0: each batch is packed when it is needed.
-  BatchFeed(SampleSource source, const at::Device& device, int ahead);
-
-  /// The next batch. Does not wait for the device. Rethrows exceptions of the source.
-  Batch Next();
-
- private:
-  SampleSource source_;
-  BatchPacker packer_;
-  std::unique_ptr<OrderedPrefetch<Batch>> ahead_;  ///< last: its thread uses the others
-};
+/// A source's batches on a device, one per call. A thread packs `ahead` batches; 0: each is packed
+/// when it is needed. Does not wait for the device. Rethrows exceptions of the source.
+std::function<Batch()> FeedBatches(SampleSource source, const at::Device& device, int ahead);
 
 }  // namespace volalign

@@ -6,12 +6,40 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "core/base/error.h"
 #include "train/soft_procrustes.h"
 
 namespace volalign {
+namespace {
+
+std::map<std::string, LossTermFactory>& Registered() {
+  // The paper's terms loss_seg and loss_3d always exist (train/losses.h).
+  static std::map<std::string, LossTermFactory> registered = {{"seg", nullptr}, {"3d", nullptr}};
+  return registered;
+}
+
+}  // namespace
+
+void RegisterLossTerm(const std::string& name, LossTermFactory factory) {
+  if (!Registered().emplace(name, std::move(factory)).second)
+    throw Error(fmt::format("there is a loss term '{}' already", name));
+}
+
+std::unique_ptr<LossTerm> MakeLossTerm(const std::string& name, const Structure& structure,
+                                       const at::Device& device) {
+  const auto found = Registered().find(name);
+  if (found == Registered().end() || !found->second) {
+    throw ConfigError(
+        fmt::format("loss.terms: '{}' is unknown: volalign has none of its own; a program "
+                    "registers them (train/loss_term.h)",
+                    name));
+  }
+  return found->second(structure, device);
+}
 
 at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& labels) {
   if (log_probs.dim() != 4 || labels.dim() != 3 || labels.size(0) != log_probs.size(0) ||

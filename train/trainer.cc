@@ -20,6 +20,9 @@
 namespace volalign {
 namespace {
 
+/// Batches that are packed for a CUDA device while an earlier one is in training.
+constexpr int kAhead = 2;
+
 [[noreturn]] void NothingToResume(const std::filesystem::path& dir) {
   throw IoError(fmt::format("{}: there is no run to resume here: drop --resume", dir.string()));
 }
@@ -93,9 +96,9 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                     optim.warmup_samples, config.run.samples));
   try {
     if (run.Begin()) {
-      BatchFeed feed(data.open_training(run.samples()), compute.device,
-                     compute.device.is_cpu() ? 0 : BatchFeed::kAhead);
-      while (run.Ready() && run.Advance(feed.Next())) {
+      const auto next = FeedBatches(data.open_training(run.samples()), compute.device,
+                                    compute.device.is_cpu() ? 0 : kAhead);
+      while (run.Ready() && run.Advance(next())) {
       }
     }
     return run.End();

@@ -13,8 +13,8 @@
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
-#include "train/dataset_source.h"
 #include "train/trainer.h"
+#include "train/training_data.h"
 
 namespace volalign::dataset_test {
 namespace {

@@ -118,14 +118,15 @@ TEST(BatchPacker, ForgetsCamerasOfWhichThereAreMany) {
   }
 }
 
-TEST(BatchFeed, GivesWhatTheSourceDoesHoweverFarAhead) {
+TEST(FeedBatches, GivesWhatTheSourceDoesHoweverFarAhead) {
   const TrainingData data = SyntheticData(2, 32, 1u << 20);
   const SampleSource source = data.open_training(4);
-  BatchFeed now(data.open_training(4), at::kCPU, 0), ahead(data.open_training(4), at::kCPU, 2);
+  const auto now = FeedBatches(data.open_training(4), at::kCPU, 0),
+             ahead = FeedBatches(data.open_training(4), at::kCPU, 2);
   for (int i = 0; i < 6; ++i) {
     const Batch expected = Collate(source());
-    for (BatchFeed* feed : {&now, &ahead}) {
-      const Batch fed = feed->Next();
+    for (const auto* next : {&now, &ahead}) {
+      const Batch fed = (*next)();
       EXPECT_TRUE(fed.depth.equal(expected.depth));
       EXPECT_TRUE(fed.labels.equal(expected.labels));
       EXPECT_TRUE(fed.rays.equal(expected.rays));
@@ -134,12 +135,9 @@ TEST(BatchFeed, GivesWhatTheSourceDoesHoweverFarAhead) {
   }
 }
 
-TEST(BatchFeed, PassesOnWhatTheSourceThrows) {
+TEST(FeedBatches, PassesOnWhatTheSourceThrows) {
   const SampleSource failing = []() -> std::vector<Sample> { throw IoError("gone"); };
-  for (const int ahead : {0, 2}) {
-    BatchFeed feed(failing, at::kCPU, ahead);
-    EXPECT_THROW(feed.Next(), IoError);
-  }
+  for (const int ahead : {0, 2}) EXPECT_THROW(FeedBatches(failing, at::kCPU, ahead)(), IoError);
 }
 
 TEST(Collate, ImagesOfOtherSizesAreAnError) {
