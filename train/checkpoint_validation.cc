@@ -107,14 +107,12 @@ Table ValidationTable(const std::vector<ValidatedModel>& models) {
                    {"median_rotation_error_deg", "deg", 1, 2}};
   for (const ValidatedModel& model : models) {
     const auto row = [&](const std::string& group, const ValidationResult& r) {
-      const bool posed = r.posed > 0;
-      const auto if_posed = [&](double error) {
-        return posed ? Table::Cell(error) : Table::Cell();
+      const auto mean = [&](const char* name) {
+        return r.means.count(name) > 0 ? Table::Cell(r.Mean(name)) : Table::Cell();
       };
-      table.rows.push_back({model.file, model.training_samples, group, CellOf(r.samples), r.miou,
-                            r.miou_authors, r.loss_seg, CellOf(r.posed),
-                            if_posed(r.median_translation_error_m),
-                            if_posed(r.median_rotation_error_deg)});
+      table.rows.push_back({model.file, model.training_samples, group, CellOf(r.samples),
+                            mean("miou"), mean("miou_authors"), mean("loss_seg"), CellOf(r.posed),
+                            mean("median_translation_error_m"), mean("median_rotation_error_deg")});
     };
     row("all", Summarise(model.result.scores));
     for (const Group& group : GroupsOf(model.result.scores))

@@ -4,10 +4,12 @@
 #include <ATen/ops/where.h>
 #include <ATen/ops/zeros_like.h>
 #include <c10/core/GradMode.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "core/base/error.h"
 #include "core/nn/cpu/torch_threads.h"
 
 namespace volalign {
@@ -20,13 +22,60 @@ constexpr std::int64_t kPiece = 32768;
 /// Number of values of which a step that may be undone keeps copies at a time.
 constexpr std::int64_t kUnseenPiece = 1 << 22;
 
+void StepAdam(bool decoupled, OptimizerStep& step) {
+  const double decay = step.weight_decay;
+  at::Tensor &mean = step.moments[0], &square = step.moments[1];
+  if (decay > 0 && !decoupled) step.gradient.add_(step.weights, decay);
+  mean.lerp_(step.gradient, 1 - step.beta1);
+  square.mul_(step.beta2).addcmul_(step.gradient, step.gradient, 1 - step.beta2);
+  const double correction1 = 1 - std::pow(step.beta1, static_cast<double>(step.number));
+  const double correction2 = 1 - std::pow(step.beta2, static_cast<double>(step.number));
+  if (decay > 0 && decoupled) step.weights.mul_(1 - step.lr * decay);
+  const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
+  step.weights.addcdiv_(mean, denominator, -step.lr / correction1);
+}
+
+struct NamedRule {
+  std::string name;
+  std::vector<std::string> moments;
+  OptimizerRule step;
+};
+
+std::vector<NamedRule>& Rules() {
+  const std::vector<std::string> moments = {"mean", "square"};
+  static std::vector<NamedRule> rules = {
+      {"adam", moments, [](OptimizerStep& step) { StepAdam(false, step); }},
+      {"adamw", moments, [](OptimizerStep& step) { StepAdam(true, step); }}};
+  return rules;
+}
+
+const NamedRule* FindRule(const std::string& name) {
+  const auto found = std::find_if(Rules().begin(), Rules().end(),
+                                  [&](const NamedRule& rule) { return rule.name == name; });
+  return found == Rules().end() ? nullptr : &*found;
+}
+
 }  // namespace
+
+void RegisterOptimizer(const std::string& name, std::vector<std::string> moments,
+                       OptimizerRule rule) {
+  if (FindRule(name)) throw Error(fmt::format("there is an optimizer '{}' already", name));
+  Rules().push_back({name, std::move(moments), std::move(rule)});
+}
+
+std::vector<std::string> OptimizerNames() {
+  std::vector<std::string> names;
+  for (const NamedRule& rule : Rules()) names.push_back(rule.name);
+  return names;
+}
 
 Optimizer::Optimizer(const OptimConfig& config, FlatModule* module)
     : config_(config), module_(module) {
-  for (const char* name : {"mean", "square"}) {
+  const NamedRule* rule = FindRule(config.optimizer);
+  if (!rule) throw ConfigError(fmt::format("there is no optimizer '{}'", config.optimizer));
+  rule_ = rule->step;
+  for (const std::string& name : rule->moments)
     moments_.emplace_back(name, at::zeros_like(module->parameters()));
-  }
 }
 
 at::Tensor Optimizer::GradientNorm() const { return module_->gradients().norm(); }
@@ -63,16 +112,9 @@ void Optimizer::StepPiece(std::int64_t begin, std::int64_t count, double lr, con
     for (const at::Tensor& moment : moments) before.push_back(moment.clone());
   }
   if (clip.defined()) g.mul_(clip);
-  const bool decoupled = config_.optimizer == OptimizerKind::kAdamW;
-  if (decay && !decoupled) g.add_(p, config_.weight_decay);
-  at::Tensor &mean = moments[0], &square = moments[1];
-  mean.lerp_(g, 1 - config_.beta1);
-  square.mul_(config_.beta2).addcmul_(g, g, 1 - config_.beta2);
-  const double correction1 = 1 - std::pow(config_.beta1, static_cast<double>(steps_));
-  const double correction2 = 1 - std::pow(config_.beta2, static_cast<double>(steps_));
-  if (decay && decoupled) p.mul_(1 - lr * config_.weight_decay);
-  const at::Tensor denominator = square.sqrt().div_(std::sqrt(correction2)).add_(kAdamEpsilon);
-  p.addcdiv_(mean, denominator, -lr / correction1);
+  OptimizerStep step{lr, config_.beta1, config_.beta2, decay ? config_.weight_decay : 0, steps_, p,
+                     g,  moments};
+  rule_(step);
   g.zero_();
   if (!finite.defined()) return;
   p.copy_(at::where(finite, p, before[0]));

@@ -9,11 +9,13 @@
 
 #include "core/nn/network.h"
 #include "train/distributed/flat_module.h"
+#include "train/optimizer_rule.h"
 #include "train/train_config.h"
 
 namespace volalign {
 
-/// Adam (Kingma and Ba 2015) or AdamW (Loshchilov and Hutter 2019) on a FlatModule.
+/// optim.optimizer on a FlatModule: Adam (Kingma and Ba 2015), AdamW (Loshchilov and Hutter 2019),
+/// or a registered rule. Throws ConfigError for an unknown one.
 class Optimizer {
  public:
   Optimizer(const OptimConfig& config, FlatModule* module);
@@ -27,8 +29,8 @@ class Optimizer {
 
   std::int64_t steps() const { return steps_; }
   void set_steps(std::int64_t steps) { steps_ = steps; }
-  /// The memory of earlier steps, [N] each: "mean" and "square" of the gradient. To be saved and
-  /// restored together with the number of steps.
+  /// The memory of earlier steps, [N] each; of Adam, "mean" and "square" of the gradient. To be
+  /// saved and restored together with the number of steps.
   const std::vector<std::pair<std::string, at::Tensor>>& moments() const { return moments_; }
 
  private:
@@ -37,6 +39,7 @@ class Optimizer {
                  bool decay, const at::Tensor& finite);
 
   OptimConfig config_;
+  OptimizerRule rule_;
   FlatModule* module_;
   std::vector<std::pair<std::string, at::Tensor>> moments_;
   std::int64_t steps_ = 0;

@@ -45,17 +45,14 @@ void RequireSame(const SharedRun& own, const std::string& config, const std::str
 std::string Pack(const ValidationResult& own) {
   json scores = json::array();
   for (const SampleScore& s : own.scores) {
-    scores.push_back(json::array({s.sensor, s.rho_m, s.loss_seg, s.miou, s.miou_authors, s.posed,
-                                  s.keypoint_rmse_m, s.translation_error_m, s.rotation_error_deg}));
+    scores.push_back(json::array({s.sensor, s.rho_m, s.metrics}));
   }
   const auto bytes =
       json::to_cbor({{"terms", own.terms}, {"samples", own.samples}, {"scores", scores}});
   return {bytes.begin(), bytes.end()};
 }
 
-SampleScore ScoreOf(const json& s) {
-  return {s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8]};
-}
+SampleScore ScoreOf(const json& s) { return {s[0], s[1], s[2]}; }
 
 void Broadcast(ProcessGroup& group, const torch::nn::Module& module) {
   for (const at::Tensor& t : module.parameters()) group.Broadcast(t.detach());

@@ -13,7 +13,8 @@
 
 namespace volalign {
 
-std::vector<std::string> NetworkKinds();  // core/nn/network.h
+std::vector<std::string> NetworkKinds();    // core/nn/network.h
+std::vector<std::string> OptimizerNames();  // train/optimizer_rule.h
 
 /// The network. Its number of classes is the structure's, and no key.
 struct ModelConfig : StructureNetOptions {
@@ -70,18 +71,13 @@ struct LossConfig {
   }
 };
 
-enum class OptimizerKind { kAdam, kAdamW };
-constexpr Words<OptimizerKind, 2> WordsOf(OptimizerKind) {
-  return {{{"adam", OptimizerKind::kAdam}, {"adamw", OptimizerKind::kAdamW}}};
-}
-
 enum class Schedule { kConstant, kOneCycle };
 constexpr Words<Schedule, 2> WordsOf(Schedule) {
   return {{{"constant", Schedule::kConstant}, {"one_cycle", Schedule::kOneCycle}}};
 }
 
 struct OptimConfig {
-  OptimizerKind optimizer = OptimizerKind::kAdam;
+  std::string optimizer = "adam";
   double lr = 2e-4;
   double beta1 = 0.9;
   double beta2 = 0.99;
@@ -94,9 +90,12 @@ struct OptimConfig {
   template <class Archive>
   void Describe(Archive& ar) {
     using Harmless = std::vector<std::string>;
-    const char* const no_sgd = "the optimiser is adam or adamw; leave the key out";
+    const char* const no_sgd = "a program may register an optimiser; leave the key out";
     const char* const cosine = "the schedule is constant or one_cycle; leave the key out";
-    ar("optimizer", optimizer, "adam, or adamw (decoupled weight decay)");
+    ar("optimizer", optimizer,
+       "adam, adamw (decoupled weight decay), or one that your own program registers "
+       "(train/optimizer_rule.h)",
+       OneOf(OptimizerNames()));
     ar("lr", lr, "learning rate; the peak of a schedule", Above(0),
        Removed("momentum", no_sgd, Harmless{"0.9"}), Removed("nesterov", no_sgd, Harmless{"false"}),
        Removed("period_samples", cosine, Harmless{"0"}),

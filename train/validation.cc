@@ -10,21 +10,47 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "core/geometry/metrics.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/procrustes.h"
+#include "train/metric.h"
 
 namespace volalign {
 namespace {
 
 constexpr int kMinPixels = 20;
 
+double MiouOf(const MetricInput& input, bool absent_counts_as_one) {
+  MiouOptions options;
+  options.num_classes = static_cast<int>(input.log_probs.size(0));
+  options.absent_counts_as_one = absent_counts_as_one;
+  return MeanIou(input.predicted, input.labels, input.depth, options);
+}
+
+std::map<std::string, Metric>& Registered() {
+  static std::map<std::string, Metric> registered = {
+      {"miou", [](const MetricInput& input) { return MiouOf(input, false); }},
+      {"miou_authors", [](const MetricInput& input) { return MiouOf(input, true); }}};
+  return registered;
+}
+
 }  // namespace
+
+void RegisterMetric(const std::string& name, Metric metric) {
+  const auto measured = {"loss_seg", kKeypointRmse, kTranslationError, kRotationError};
+  if (std::find(measured.begin(), measured.end(), name) != measured.end() ||
+      !Registered().emplace(name, std::move(metric)).second)
+    throw Error(fmt::format("there is a metric '{}' already", name));
+}
+
+const std::map<std::string, Metric>& Metrics() { return Registered(); }
 
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind) {
@@ -59,9 +85,6 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
   std::vector<SampleScore> scores;
   std::vector<LabelExample> examples;
   std::map<std::string, double> sums;
-  MiouOptions present, all;
-  present.num_classes = all.num_classes = structure.num_classes();
-  all.absent_counts_as_one = true;
   BatchPacker packer(device);
   while (static_cast<int>(scores.size()) < samples) {
     if (count) count(static_cast<std::int64_t>(scores.size()), samples);
@@ -88,18 +111,20 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
       score.sensor = s.sensor;
       const Eigen::Vector3d at = s.structure_from_sensor.translation();
       score.rho_m = std::hypot(at.x(), at.z());
-      score.loss_seg = nll[static_cast<std::int64_t>(i)].item<double>();
-      score.miou = MeanIou(labels, s.labels, s.depth, present);
-      score.miou_authors = MeanIou(labels, s.labels, s.depth, all);
+      score.metrics["loss_seg"] = nll[static_cast<std::int64_t>(i)].item<double>();
+      const at::Tensor own_log_probs = log_probs[static_cast<std::int64_t>(i)];
+      for (const auto& [name, metric] : Metrics()) {
+        const double value = metric({s.depth, s.labels, labels, own_log_probs});
+        if (!std::isnan(value)) score.metrics[name] = value;
+      }
       const SideKeypoints found = FindKeypoints(s, labels, structure, keypoints);
-      score.posed = found.structure.size() >= 3 &&
-                    SecondSingularValue(found.structure) > kMinSecondSingularValue;
-      if (score.posed) {
+      if (found.structure.size() >= 3 &&
+          SecondSingularValue(found.structure) > kMinSecondSingularValue) {
         const ProcrustesResult aligned = AlignPoints(found.sensor, found.structure);
         const PoseError error = ComparePoses(aligned.target_from_source, s.structure_from_sensor);
-        score.keypoint_rmse_m = aligned.rms;
-        score.translation_error_m = error.translation_m;
-        score.rotation_error_deg = error.rotation_deg;
+        score.metrics[kKeypointRmse] = aligned.rms;
+        score.metrics[kTranslationError] = error.translation_m;
+        score.metrics[kRotationError] = error.rotation_deg;
       }
       scores.push_back(std::move(score));
       if (static_cast<int>(examples.size()) < kLabelExamples) {
@@ -117,27 +142,19 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
 
 ValidationResult Summarise(const std::vector<SampleScore>& scores) {
   ValidationResult result;
-  std::vector<double> translation, rotation;
+  result.samples = static_cast<int>(scores.size());
+  std::map<std::string, std::vector<double>> values;
   for (const SampleScore& score : scores) {
-    ++result.samples;
-    result.loss_seg += score.loss_seg;
-    result.miou += score.miou;
-    result.miou_authors += score.miou_authors;
-    if (!score.posed) continue;
-    ++result.posed;
-    result.keypoint_rmse_m += score.keypoint_rmse_m;
-    translation.push_back(score.translation_error_m);
-    rotation.push_back(score.rotation_error_deg);
+    for (const auto& [name, value] : score.metrics) values[name].push_back(value);
   }
-  if (result.samples > 0) {
-    result.loss_seg /= result.samples;
-    result.miou /= result.samples;
-    result.miou_authors /= result.samples;
-  }
-  if (result.posed > 0) {
-    result.keypoint_rmse_m /= result.posed;
-    result.median_translation_error_m = Summarise(translation).median;
-    result.median_rotation_error_deg = Summarise(rotation).median;
+  for (const auto& [name, of_samples] : values) {
+    if (name == kKeypointRmse) result.posed = static_cast<int>(of_samples.size());
+    if (name == kTranslationError || name == kRotationError) {
+      result.means["median_" + name] = Summarise(of_samples).median;
+    } else {
+      result.means[name] = std::accumulate(of_samples.begin(), of_samples.end(), 0.0) /
+                           static_cast<double>(of_samples.size());
+    }
   }
   return result;
 }

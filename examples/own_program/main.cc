@@ -1,7 +1,8 @@
-// The whole program volalign with a loss, a network and a noise model of its own:
-// `own_program train --config recipe.yaml -o run`, then
-// `own_program calibrate --model run/model.safetensors ...`.
+// The whole program volalign with a loss, a network, an optimiser, a metric and a noise model of
+// its own: `own_program train --config recipe.yaml -o run`, then `own_program calibrate --model
+// run/model.safetensors ...`.
 #include <ATen/TensorOperators.h>
+#include <ATen/ops/lerp.h>
 #include <ATen/ops/log_softmax.h>
 #include <ATen/ops/one_hot.h>
 #include <torch/nn/modules/conv.h>
@@ -16,6 +17,8 @@
 #include "core/nn/network.h"
 #include "render/noise.h"
 #include "train/loss_term.h"
+#include "train/metric.h"
+#include "train/optimizer_rule.h"
 
 namespace {
 
@@ -67,6 +70,24 @@ class DilatedNet : public volalign::StructureNetImpl {
   torch::nn::Conv2d classifier_{nullptr};
 };
 
+/// Lion of Chen et al., "Symbolic Discovery of Optimization Algorithms" (NeurIPS 2023).
+void StepLion(volalign::OptimizerStep& step) {
+  at::Tensor& mean = step.moments[0];
+  const at::Tensor update = at::lerp(step.gradient, mean, step.beta1).sign_();
+  step.weights.mul_(1 - step.lr * step.weight_decay).sub_(update, step.lr);
+  mean.lerp_(step.gradient, 1 - step.beta2);
+}
+
+/// Share of the pixels with depth whose label is right.
+double Accuracy(const volalign::MetricInput& input) {
+  double right = 0, measured = 0;
+  for (std::size_t i = 0; i < input.depth.size(); ++i) {
+    measured += input.depth[i] > 0;
+    right += input.depth[i] > 0 && input.predicted[i] == input.labels[i];
+  }
+  return right / measured;
+}
+
 /// A sensor whose depth errors grow with the square of the distance and that loses one pixel in
 /// twenty.
 volalign::NoisyView QuadraticNoise(const volalign::NoiseInput& input,
@@ -94,6 +115,8 @@ int main(int argc, char** argv) {
     return std::make_shared<DilatedNet>(options);
   });
   volalign::RegisterNoiseModel("quadratic", QuadraticNoise);
+  volalign::RegisterOptimizer("lion", {"mean"}, StepLion);
+  volalign::RegisterMetric("accuracy", Accuracy);
   if (volalign::DataFolder().empty()) volalign::SetDataFolder(VOLALIGN_DATA);
   return volalign::Main(argc, argv);
 }

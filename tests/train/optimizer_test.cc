@@ -2,8 +2,10 @@
 
 #include <ATen/TensorOperators.h>
 #include <ATen/ops/cat.h>
+#include <ATen/ops/full.h>
 #include <ATen/ops/ones.h>
 #include <ATen/ops/rand.h>
+#include <ATen/ops/zeros.h>
 #include <gtest/gtest.h>
 #include <torch/optim/adam.h>
 #include <torch/optim/adamw.h>
@@ -16,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/base/error.h"
 #include "tests/train/tiny_net.h"
 
 namespace volalign::optimizer_test {
@@ -36,7 +39,7 @@ std::unique_ptr<torch::optim::Optimizer> Reference(const std::vector<at::Tensor>
 
 TEST(Adam, IsLibTorchs) {
   using namespace torch::optim;
-  for (const OptimizerKind kind : {OptimizerKind::kAdam, OptimizerKind::kAdamW}) {
+  for (const std::string kind : {"adam", "adamw"}) {
     for (const auto& [decay, clip] :
          std::vector<std::pair<double, double>>{{0, 0}, {0, 0.3}, {0.1, 0}, {0.1, 0.3}}) {
       StructureNet net = TinyNet();
@@ -50,9 +53,8 @@ TEST(Adam, IsLibTorchs) {
       EXPECT_GT(weights, 32768) << "a step takes several pieces";
       const std::vector<at::Tensor> values =
           flat.parameters().detach().clone().split_with_sizes({weights, n - weights});
-      const auto reference = kind == OptimizerKind::kAdam
-                                 ? Reference<Adam, AdamOptions>(values, decay)
-                                 : Reference<AdamW, AdamWOptions>(values, decay);
+      const auto reference = kind == "adam" ? Reference<Adam, AdamOptions>(values, decay)
+                                            : Reference<AdamW, AdamWOptions>(values, decay);
       for (int step = 1; step <= 5; ++step) {
         const at::Tensor g = at::rand({n}) - 0.5;
         flat.gradients().copy_(g);
@@ -80,7 +82,7 @@ TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
   for (auto& [name, view] : parameters) view.zero_();
   EXPECT_GT(between.sum().item<double>(), 0);
   OptimConfig config;
-  config.optimizer = OptimizerKind::kAdamW;
+  config.optimizer = "adamw";
   config.weight_decay = 0.1;
   Optimizer adam(config, &flat);
   for (int step = 0; step < 3; ++step) {
@@ -88,6 +90,38 @@ TEST(Optimizer, LeavesWhatLiesBetweenTheParametersAtZero) {
     adam.Step(0.1, adam.GradientNorm());
   }
   EXPECT_EQ((flat.parameters() * between).abs().max().item<double>(), 0);
+}
+
+TEST(RegisterOptimizer, AddsARuleWithWhatItKeeps) {
+  RegisterOptimizer("heavy_ball", {"velocity"}, [](OptimizerStep& step) {
+    at::Tensor& velocity = step.moments[0];
+    velocity.mul_(step.beta1).add_(step.gradient).add_(step.weights, step.weight_decay);
+    step.weights.sub_(velocity, step.lr * static_cast<double>(step.number));
+  });
+  EXPECT_THROW(RegisterOptimizer("heavy_ball", {}, nullptr), Error);
+  EXPECT_THROW(RegisterOptimizer("adam", {}, nullptr), Error);
+  EXPECT_EQ(OptimizerNames().back(), "heavy_ball");
+  StructureNet net = TinyNet();
+  FlatModule flat(*net);
+  OptimConfig config;
+  config.optimizer = "heavy_ball";
+  config.weight_decay = 0.1;
+  config.clip_norm = 0.5;
+  Optimizer optimizer(config, &flat);
+  const std::int64_t n = flat.parameters().numel(), weights = flat.num_weights();
+  const at::Tensor decay = at::cat({at::full({weights}, 0.1), at::zeros({n - weights})});
+  at::Tensor values = flat.parameters().detach().clone(), velocity = at::zeros({n});
+  for (int step = 1; step <= 3; ++step) {
+    const at::Tensor g = at::rand({n}) - 0.5;
+    flat.gradients().copy_(g);
+    optimizer.Step(0.01, optimizer.GradientNorm());
+    velocity = 0.9 * velocity + 0.5 * g / g.norm() + decay * values;
+    values = values - 0.01 * step * velocity;
+    EXPECT_LT((flat.parameters() - values).abs().max().item<double>(), 2e-6) << step;
+  }
+  EXPECT_EQ(optimizer.moments().front().first, "velocity");
+  config.optimizer = "sgd";
+  EXPECT_THROW(Optimizer(config, &flat), ConfigError);
 }
 
 TEST(WeightAverage, IsARunningMeanWhoseDecayRises) {

@@ -175,11 +175,11 @@ TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStack) {
   config_.run.batch_size = 1;
   const ValidationResult own = ValidateCheckpoint(model, config_, 1);
   folder_.Write("stack.yaml", longer_);
-  EXPECT_EQ(ValidateCheckpoint(model, config_, 1).loss_seg, own.loss_seg);
+  EXPECT_EQ(ValidateCheckpoint(model, config_, 1).means, own.means);
   const Structure longer = Read();
-  EXPECT_NE(ValidateCheckpoint(model, config_, 1, nullptr, &longer).loss_seg, own.loss_seg);
+  EXPECT_NE(ValidateCheckpoint(model, config_, 1, nullptr, &longer).means, own.means);
   fs::remove(config_.data.structure);
-  EXPECT_EQ(ValidateCheckpoint(model, config_, 1).loss_seg, own.loss_seg);
+  EXPECT_EQ(ValidateCheckpoint(model, config_, 1).means, own.means);
 }
 
 }  // namespace

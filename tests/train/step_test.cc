@@ -188,7 +188,6 @@ TEST(Learner, AnUpdateStepsTheWeightsAndTheirAverage) {
 /// whether the host knows.
 TEST(Learner, SkipsAStepThatIsNotFinite) {
   TrainConfig config = SmallConfig();
-  config.optim.optimizer = OptimizerKind::kAdam;
   config.optim.clip_norm = 1;
   Learner seen(config, 3, Compute()), unseen(config, 3, Compute());
   const auto state = [](Learner& l) {
@@ -228,7 +227,6 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
 TEST(Learner, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
   TrainConfig config = SmallConfig();
   config.model.base_channels = 16;
-  config.optim.optimizer = OptimizerKind::kAdam;
   Learner learner(config, 3, Compute());
   const std::size_t all = learner.flat.parameters().nbytes();
   const at::Tensor norm = learner.optimizer.GradientNorm(), good = at::full({}, true, at::kBool);

@@ -108,10 +108,10 @@ TEST_F(Trainer, AResumedRunEndsAsOneThatWasNotStopped) {
   config_.run.samples = 24;
   config_.optim.warmup_samples = 4;
   config_.run.micro_batch = 1;
-  for (const auto& [optimizer, kind] : WordsOf(OptimizerKind())) {
+  for (const std::string optimizer : {"adam", "adamw"}) {
     for (const auto& [schedule, of] : WordsOf(Schedule())) {
-      SCOPED_TRACE(std::string(optimizer) + " " + schedule);
-      config_.optim.optimizer = kind;
+      SCOPED_TRACE(optimizer + " " + schedule);
+      config_.optim.optimizer = optimizer;
       config_.optim.schedule = of;
       const std::string whole = fmt::format("{}_{}", optimizer, schedule), parts = whole + "_parts";
       EXPECT_TRUE(Run(whole).finished);

@@ -10,6 +10,7 @@
 #include "tests/core/base/pixels.h"
 #include "tests/train/synthetic_source.h"
 #include "train/checkpoint_validation.h"
+#include "train/metric.h"
 
 namespace volalign::validation_test {
 namespace {
@@ -55,8 +56,8 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
       miou_authors += total / 21 / 4;
     }
   }
-  EXPECT_NEAR(v.miou_authors, miou_authors, 1e-9);
-  EXPECT_NEAR(v.loss_seg, nll, 1e-5);
+  EXPECT_NEAR(v.Mean("miou_authors"), miou_authors, 1e-9);
+  EXPECT_NEAR(v.Mean("loss_seg"), nll, 1e-5);
   EXPECT_EQ(v.terms.count("loss_3d"), 1U);
 }
 
@@ -88,12 +89,35 @@ TEST(FindKeypoints, ArePlainMeansOfTheSidesPoints) {
   EXPECT_EQ(i, found.sensor.size());
 }
 
+// Of two samples, one without a value.
+TEST(RegisterMetric, IsMeasuredInEveryValidation) {
+  int asked = 0;
+  RegisterMetric("missed", [&](const MetricInput& input) {
+    EXPECT_EQ(input.log_probs.sizes(), (std::vector<std::int64_t>{21, 72, 80}));
+    EXPECT_EQ(input.predicted.size(), input.labels.size());
+    return asked++ % 2 == 0 ? 0.25 : std::nan("");
+  });
+  EXPECT_THROW(RegisterMetric("missed", nullptr), Error);
+  EXPECT_THROW(RegisterMetric("miou", nullptr), Error);
+  EXPECT_THROW(RegisterMetric("loss_seg", nullptr), Error);
+  const TrainingData data = SyntheticData(2, 32, 1u << 20);
+  StructureNetOptions options;
+  options.base_channels = 2;
+  StructureNet net(options);
+  const ValidationResult v =
+      Validate(net, TrainingLoss({}, data.structure, at::kCPU), data.structure,
+               KeypointKind::kCentre, data.open_validation(), 2, at::kCPU, false);
+  EXPECT_EQ(asked, 2);
+  EXPECT_EQ(v.Mean("missed"), 0.25);
+  EXPECT_EQ(NamedMeans(v).at("missed"), 0.25);
+  EXPECT_EQ(v.scores.at(1).metrics.count("missed"), 0u);
+}
+
 TEST(MedianPoseError, SaysNothingWithoutAPose) {
   ValidationResult result;
   EXPECT_EQ(MedianPoseError(result), "-");
   result.posed = 1;
-  result.median_translation_error_m = 0.1234;
-  result.median_rotation_error_deg = 1.5;
+  result.means = {{"median_translation_error_m", 0.1234}, {"median_rotation_error_deg", 1.5}};
   EXPECT_EQ(MedianPoseError(result), "12.3 cm, 1.50 deg");
 }
 
@@ -105,7 +129,7 @@ ValidatedModel Scored() {
     SampleScore score;
     score.sensor = rho > 2.1 ? "far" : "near";
     score.rho_m = rho;
-    score.miou = miou;
+    score.metrics["miou"] = miou;
     model.result.scores.push_back(score);
   }
   return model;

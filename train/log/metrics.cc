@@ -7,26 +7,27 @@
 
 namespace volalign {
 
-std::string MedianPoseError(const ValidationResult& result) {
-  if (result.posed == 0) return "-";
-  return fmt::format("{:.1f} cm, {:.2f} deg", 100 * result.median_translation_error_m,
-                     result.median_rotation_error_deg);
+double ValidationResult::Mean(const std::string& name) const {
+  const auto found = means.find(name);
+  return found == means.end() ? 0 : found->second;
 }
 
-std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result) {
-  std::vector<std::pair<std::string, double>> means = {{"loss_seg", result.loss_seg}};
-  means.insert(means.end(), result.terms.begin(), result.terms.end());
-  means.insert(means.end(), {{"miou", result.miou}, {"miou_authors", result.miou_authors}});
-  if (result.posed == 0) return means;
-  means.insert(means.end(), {{"keypoint_rmse_m", result.keypoint_rmse_m},
-                             {"median_translation_error_m", result.median_translation_error_m},
-                             {"median_rotation_error_deg", result.median_rotation_error_deg}});
-  return means;
+std::string MedianPoseError(const ValidationResult& result) {
+  if (result.posed == 0) return "-";
+  return fmt::format("{:.1f} cm, {:.2f} deg", 100 * result.Mean("median_translation_error_m"),
+                     result.Mean("median_rotation_error_deg"));
+}
+
+std::map<std::string, double> NamedMeans(const ValidationResult& result) {
+  std::map<std::string, double> all = result.means;
+  all.insert(result.terms.begin(), result.terms.end());
+  return all;
 }
 
 bool BestValidation::Note(const ValidationResult& result, std::int64_t at_samples) {
-  if (!std::isfinite(result.miou) || (samples >= 0 && result.miou <= value)) return false;
-  *this = {at_samples, result.miou};
+  const double miou = result.Mean("miou");
+  if (!std::isfinite(miou) || (samples >= 0 && miou <= value)) return false;
+  *this = {at_samples, miou};
   return true;
 }
 

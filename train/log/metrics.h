@@ -40,14 +40,17 @@ struct StepReport {
   StepTimes times;
 };
 
+/// The metrics of a sample whose predicted keypoints determine a pose.
+inline constexpr const char *kKeypointRmse = "keypoint_rmse_m",
+                            *kTranslationError = "translation_error_m",
+                            *kRotationError = "rotation_error_deg";
+
 /// One validation sample.
 struct SampleScore {
   std::string sensor;  ///< pool name
   double rho_m = 0;    ///< horizontal distance of the sensor from the structure's origin
-  double loss_seg = 0;
-  double miou = 0, miou_authors = 0;
-  bool posed = false;  ///< the predicted keypoints determine a pose; needed for what follows
-  double keypoint_rmse_m = 0, translation_error_m = 0, rotation_error_deg = 0;
+  /// By name: loss_seg, those of train/metric.h, and those of a pose if there is one.
+  std::map<std::string, double> metrics;
 };
 
 /// A sample with the network's labels, for people.
@@ -56,26 +59,25 @@ struct LabelExample {
   LabelImage labels, predicted;
 };
 
-/// Means over the validation samples unless said otherwise.
 struct ValidationResult {
   int samples = 0;
-  double loss_seg = 0;
-  std::map<std::string, double> terms;  ///< of the loss, but loss_seg
-  double miou = 0;             ///< over the classes present in an image (core/geometry/metrics.h)
-  double miou_authors = 0;     ///< over all classes
-  int posed = 0;               ///< samples whose predicted keypoints determine a pose
-  double keypoint_rmse_m = 0;  ///< 3D RMSE of aligned keypoints, over posed samples
-  double median_translation_error_m = 0;  ///< over posed samples
-  double median_rotation_error_deg = 0;   ///< over posed samples
-  std::vector<SampleScore> scores;        ///< of each sample, in order
-  std::vector<LabelExample> examples;     ///< the first samples
+  int posed = 0;  ///< samples whose predicted keypoints determine a pose
+  /// Means by name over the samples that have the metric; medians of the errors of poses
+  /// (median_translation_error_m, median_rotation_error_deg).
+  std::map<std::string, double> means;
+  std::map<std::string, double> terms;  ///< means of the terms of the loss, but loss_seg
+  std::vector<SampleScore> scores;      ///< of each sample, in order
+  std::vector<LabelExample> examples;   ///< the first samples
+
+  /// 0 if no sample has the metric.
+  double Mean(const std::string& name) const;
 };
 
 /// The medians over posed samples as text: "12.3 cm, 0.45 deg", or "-" without such samples.
 std::string MedianPoseError(const ValidationResult& result);
 
-/// The means by their names in files; those of poses only if a sample has one.
-std::vector<std::pair<std::string, double>> NamedMeans(const ValidationResult& result);
+/// Terms and means by their names in files.
+std::map<std::string, double> NamedMeans(const ValidationResult& result);
 
 /// The best of the validations so far, by miou.
 struct BestValidation {

@@ -87,11 +87,11 @@ void ProgressSink::Train(const TrainRow& row) {
 
 void ProgressSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
-  miou_ = fmt::format("  mIoU {:.3f}", v.miou);
-  Line(
-      fmt::format("validation at {}: loss_seg {:.4f}  mIoU {:.3f}  posed {}/{}  median pose "
-                  "error {}",
-                  row.samples, v.loss_seg, v.miou, v.posed, v.samples, MedianPoseError(v)));
+  miou_ = fmt::format("  mIoU {:.3f}", v.Mean("miou"));
+  Line(fmt::format(
+      "validation at {}: loss_seg {:.4f}  mIoU {:.3f}  posed {}/{}  median pose "
+      "error {}",
+      row.samples, v.Mean("loss_seg"), v.Mean("miou"), v.posed, v.samples, MedianPoseError(v)));
 }
 
 void ProgressSink::Line(const std::string& text) { line_.Say(text); }

@@ -54,9 +54,9 @@ TEST(JsonlSink, WritesARowALine) {
   ValidationRow validation;
   validation.samples = 20;
   validation.result.samples = 4;
-  validation.result.miou = 0.75;
-  validation.result.keypoint_rmse_m = 0.5;
+  validation.result.means["miou"] = 0.75;
   sink.Validation(validation);
+  validation.result.means["keypoint_rmse_m"] = 0.5;
   validation.result.posed = 2;
   sink.Validation(validation);
   const std::vector<json> rows = Rows(folder / "metrics.jsonl");
@@ -98,7 +98,7 @@ TEST(ProgressSink, SaysHowFarTheRunIs) {
     ProgressSink sink(200);
     ValidationRow validation;
     validation.samples = 20;
-    validation.result.miou = 0.75;
+    validation.result.means["miou"] = 0.75;
     sink.Validation(validation);
     sink.Train(RowAt(60));
   }
@@ -199,7 +199,7 @@ TEST(BestValidation, IsThatOfTheLargestMiou) {
   BestValidation best;
   const auto note = [&](double miou, std::int64_t at_samples) {
     ValidationResult result;
-    result.miou = miou;
+    result.means["miou"] = miou;
     return best.Note(result, at_samples);
   };
   EXPECT_FALSE(note(std::numeric_limits<double>::infinity(), 5));  // no value
