@@ -63,10 +63,20 @@ YAML::Node LoadYaml(const std::string& text, YamlDocuments documents) {
 }
 
 std::string YamlProblem(const YAML::Exception& error) {
+  if (dynamic_cast<const YAML::InvalidNode*>(&error) != nullptr) {
+    const std::size_t key = error.msg.find('"');
+    return key == std::string::npos ? "a key is missing"
+                                    : fmt::format("the key {} is missing", error.msg.substr(key));
+  }
   if (dynamic_cast<const YAML::BadConversion*>(&error) == nullptr) return error.msg;
   return "a value is of another kind than is expected: a number, a text, or a list in [], with "
          "commas "
          "between its items";
+}
+
+std::string YamlProblemIn(const std::string& name, const YAML::Exception& error) {
+  if (error.mark.is_null()) return fmt::format("{}: {}", name, YamlProblem(error));
+  return fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error));
 }
 
 }  // namespace volalign

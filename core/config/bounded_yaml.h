@@ -25,7 +25,9 @@ enum class YamlDocuments { kOne, kFirst };
 YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocuments::kOne);
 
 /// A description of the fault without the line. For a value of another kind, yaml-cpp says "bad
-/// conversion".
+/// conversion", for a missing key "invalid node".
 std::string YamlProblem(const YAML::Exception& error);
+/// The same of the file `name`, with the line if it is known.
+std::string YamlProblemIn(const std::string& name, const YAML::Exception& error);
 
 }  // namespace volalign

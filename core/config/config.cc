@@ -325,12 +325,15 @@ std::string ConfigSource::WhereOf(std::string key) const {
   }
 }
 
-std::string ConfigReader::NameInSource(const std::string& name,
-                                       const std::vector<Constraint>& checks) {
+std::optional<std::string> ConfigReader::NameInSource(const std::string& name,
+                                                      const std::vector<Constraint>& checks) {
   for (const Constraint& check : checks) {
     if (check.required && complete_ && source_.Find(prefix_ + name) == nullptr) {
-      throw ConfigError(fmt::format("key '{}{}' is missing ({})", prefix_, name,
-                                    source_.WhereOf(prefix_ + name)));
+      known_.insert(prefix_ + name);
+      if (missing_.empty())
+        missing_ = fmt::format("key '{}{}' is missing ({})", prefix_, name,
+                               source_.WhereOf(prefix_ + name));
+      return std::nullopt;
     }
     if (!check.removed_name.empty()) {
       const auto* removed = source_.Find(prefix_ + check.removed_name);
@@ -436,6 +439,7 @@ void ConfigReader::RejectUnknown() const {
     }
     throw ConfigError(fmt::format("unknown key '{}' ({}){}", Shortened(key), leaf.where, hint));
   }
+  if (!missing_.empty()) throw ConfigError(missing_);
 }
 
 namespace {

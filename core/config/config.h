@@ -169,11 +169,12 @@ class ConfigReader {
   template <class T, class... C>
   void operator()(const std::string& name, T& value, const char* /*doc*/, const C&... constraints) {
     const std::vector<Constraint> checks{constraints...};
-    const std::string key = prefix_ + NameInSource(name, checks);
-    Value(key, value, checks);
+    if (const std::optional<std::string> in_source = NameInSource(name, checks))
+      Value(prefix_ + *in_source, value, checks);
   }
 
-  /// Throws ConfigError for the first key of the source that no struct described.
+  /// Throws ConfigError for the first key of the source that no struct described, then for a
+  /// required one that is missing: it may be misspelled.
   void RejectUnknown() const;
 
  private:
@@ -218,8 +219,9 @@ class ConfigReader {
     value.Describe(*this);
     prefix_ = saved;
   }
-  /// `name`, or a former name that the source uses.
-  std::string NameInSource(const std::string& name, const std::vector<Constraint>& checks);
+  /// `name`, or a former name that the source uses; nothing if it is required and missing.
+  std::optional<std::string> NameInSource(const std::string& name,
+                                          const std::vector<Constraint>& checks);
   const ConfigSource::Leaf* Find(const std::string& key, bool sequence);
   static void RequireSize(const ConfigSource::Leaf& leaf, std::size_t size, const std::string& key);
   bool IsEmptyList(const std::string& key);
@@ -229,6 +231,7 @@ class ConfigReader {
   const ConfigSource& source_;
   const bool complete_;
   std::set<std::string> known_;
+  std::string missing_;  // about the first required key that is missing
   std::string prefix_;
 };
 

@@ -414,8 +414,7 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
     try {
       intrinsics = FromDocument(text, name, frame);
     } catch (const YAML::Exception& error) {
-      throw DataError(
-          fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error)));
+      throw DataError(YamlProblemIn(name, error));
     }
   }
   intrinsics->Validate(name);

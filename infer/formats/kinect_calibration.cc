@@ -136,7 +136,7 @@ ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
     }
     return camera;
   } catch (const YAML::Exception& error) {
-    throw DataError(fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error)));
+    throw DataError(YamlProblemIn(name, error));
   }
 }
 

@@ -52,7 +52,7 @@ Poses Reading(const std::string& name, Read read) {
   try {
     return read();
   } catch (const YAML::Exception& e) {
-    throw DataError(fmt::format("{}: line {}: {}", name, e.mark.line + 1, YamlProblem(e)));
+    throw DataError(YamlProblemIn(name, e));
   }
 }
 

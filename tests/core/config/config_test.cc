@@ -554,6 +554,17 @@ TEST(YamlProblem, SaysWhatABadConversionIs) {
     ADD_FAILURE() << "nothing was thrown";
   } catch (const YAML::Exception& error) {
     EXPECT_TRUE(Has(YamlProblem(error), "commas between its items"));
+    EXPECT_TRUE(Has(YamlProblemIn("a.yaml", error), "a.yaml: line 1: a value"));
+  }
+}
+
+TEST(YamlProblem, NamesAMissingKeyWithoutALine) {
+  try {
+    const YAML::Node point = LoadYaml("{x: 1}");
+    point["z"].as<double>();
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const YAML::Exception& error) {
+    EXPECT_EQ(YamlProblemIn("a.yaml", error), "a.yaml: the key \"z\" is missing");
   }
 }
 
