@@ -23,7 +23,7 @@ struct Kept {
   const CLI::App* program = nullptr;
 };
 
-Kept& TheKept() {
+Kept& SavedCommandLine() {
   static Kept kept;
   return kept;
 }
@@ -63,9 +63,9 @@ std::string HashLine(const std::filesystem::path& file) {
 }
 
 std::string CommandText(const std::vector<std::pair<std::string, std::string>>& configs) {
-  std::string text =
-      fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()), Text(TheKept().line));
-  const CLI::App* app = Called(TheKept().program);
+  std::string text = fmt::format("version: {}\ncommand: {}\noptions:\n", Text(Tool()),
+                                 Text(SavedCommandLine().line));
+  const CLI::App* app = Called(SavedCommandLine().program);
   for (const CLI::Option* option : app->get_options([](const CLI::Option*) { return true; }))
     text += OptionLine(option);
   for (const auto& [name, yaml] : configs) text += Text(name) + ":\n" + Indented(yaml, "  ");
@@ -86,10 +86,10 @@ std::string ShellWord(const std::string& word) {
 void KeepCommand(const CLI::App* program, int argc, const char* const* argv) {
   std::string line;
   for (int i = 0; i < argc; ++i) line += (i > 0 ? " " : "") + ShellWord(argv[i]);
-  TheKept() = {line, program};
+  SavedCommandLine() = {line, program};
 }
 
-std::string CommandLine() { return TheKept().line; }
+std::string CommandLine() { return SavedCommandLine().line; }
 
 void SaveStart(const std::filesystem::path& folder) {
   std::filesystem::path file = folder / "command.yaml";

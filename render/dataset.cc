@@ -71,12 +71,12 @@ void Describe(Archive& ar, DatasetHeader& h) {
   ar("batch_size", h.batch_size);
   ar("samples_per_folder", h.samples_per_folder);
   std::string folders = "index / samples_per_folder, six digits, each with a samples.jsonl";
-  ar.Derived("folders", folders);
+  ar.WriteOnly("folders", folders);
   double depth_scale = kDepthScale;
-  ar.Derived("depth_scale", depth_scale);
+  ar.WriteOnly("depth_scale", depth_scale);
   std::string convention =
       "structure_from_sensor, metres, row-major, sensor: x right y down z forward, structure: y up";
-  ar.Derived("convention", convention);
+  ar.WriteOnly("convention", convention);
   ar("structure", h.structure);
   ar("intrinsics_sha256", h.intrinsics_hash);
   ar("image_sizes", h.image_sizes);

@@ -64,8 +64,8 @@ VOLALIGN_CLONES void TakeForeground(const float* __restrict depth, int width, in
 
 /// Grows the foreground by about a pixel, with a wavy outline. Labels follow the surface that gives
 /// the depth. Draws the device's outlines if `known` is false.
-MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStream& random,
-                   StereoDevice* device) {
+MatchedView DilateForeground(const RenderedView& view, double scale, bool known,
+                             RandomStream& random, StereoDevice* device) {
   const int width = view.depth.width(), height = view.depth.height();
   MatchedView out{{view.depth, view.labels}, view.faces};
   if (!known) {
@@ -97,8 +97,8 @@ MatchedView Fatten(const RenderedView& view, double scale, bool known, RandomStr
 
 /// Mixes both surfaces in some pixels at depth edges and clears strips along others, in addition to
 /// half-occlusion.
-void SpoilEdges(double scale, RandomStream& random, MatchedView* matched,
-                Image<std::uint8_t>* keep) {
+void AddEdgeNoise(double scale, RandomStream& random, MatchedView* matched,
+                  Image<std::uint8_t>* keep) {
   DepthImage& depth = matched->view.depth;
   LabelImage& labels = matched->view.labels;
   const Image16& faces = matched->faces;
@@ -301,9 +301,9 @@ NoisyView StereoNoise(const StereoModel& model, const NoiseInput& input, RandomS
   if (!known) device->emplace();
   const int width = input.view.depth.width(), height = input.view.depth.height();
   const double scale = width / kReferenceWidth;
-  MatchedView matched = Fatten(input.view, scale, known, random, &**device);
+  MatchedView matched = DilateForeground(input.view, scale, known, random, &**device);
   Image<std::uint8_t> keep(width, height, 1);
-  SpoilEdges(scale, random, &matched, &keep);
+  AddEdgeNoise(scale, random, &matched, &keep);
   const Image<float> disparity_error =
       DisparityError(model, width, height, scale, known, random, &**device);
   const MatchConfidence confidence(width, height, scale, random);

@@ -169,8 +169,8 @@ std::vector<TofFace> TofFaces(const NoiseInput& input, const Seams& seams) {
 }
 
 /// Makes gaps along depth edges, and flying pixels where there is no gap.
-void SpoilEdges(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
-                Image<std::uint8_t>* keep) {
+void AddEdgeNoise(const RenderedView& clean, double scale, RandomStream& random, NoisyView* noisy,
+                  Image<std::uint8_t>* keep) {
   const int width = clean.depth.width(), height = clean.depth.height();
   const Image<float> coherence = SmoothField(width, height, kEdgeCorrelation * scale, random);
   const PixelRandom pixel(random);
@@ -467,7 +467,7 @@ NoisyView TofNoise(const TofModel& model, const NoiseInput& input, RandomStream&
   FrameNoise frame = DrawFrameNoise(width, height, scale, random);
   if (*device) frame.device = std::move(**device);
   MeasureDepth(input, frame, &out.depth, &keep);
-  SpoilEdges(input.view, scale, random, &out, &keep);
+  AddEdgeNoise(input.view, scale, random, &out, &keep);
   DropMixedPixels(random, out.depth, &keep);
   ClearSpeckles(scale, random, &keep);
   if (model.hexagon) {

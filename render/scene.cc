@@ -112,7 +112,7 @@ class SceneBuilder {
         floor_(structure.FloorHeight()) {
     if (options.structure_present) {
       boxes_ = BoxFootprints(structure, Pose::Identity());
-      for (const StructureElsewhere& place : options.elsewhere) {
+      for (const OtherPlacement& place : options.elsewhere) {
         for (const Footprint& box :
              BoxFootprints(place.structure, place.structure_from_elsewhere)) {
           boxes_elsewhere_.push_back(box);
@@ -126,7 +126,7 @@ class SceneBuilder {
       if (!options.structure_present) continue;
       corridors_.push_back(
           {0.5 * at, at.normalized(), Eigen::Vector2d(0.5 * at.norm(), kCorridorHalfWidth)});
-      for (const StructureElsewhere& place : options.elsewhere) {
+      for (const OtherPlacement& place : options.elsewhere) {
         const Eigen::Vector3d& there = place.structure_from_elsewhere.translation();
         const Eigen::Vector2d to = Eigen::Vector2d(there.x(), there.z()), way = at - to;
         corridors_.push_back({0.5 * (at + to), way.normalized(),
@@ -667,7 +667,7 @@ SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
   return moved;
 }
 
-bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+bool StandsInTripod(const OtherPlacement& elsewhere, const Pose& structure_from_sensor,
                     double gap) {
   const std::vector<Footprint> boxes =
       BoxFootprints(elsewhere.structure, elsewhere.structure_from_elsewhere);

@@ -29,7 +29,7 @@ AssembledStructure Assemble(const Structure& nominal, const AssemblyConfig& conf
                             std::optional<double> size_scale = std::nullopt);
 
 /// The structure at another time.
-struct StructureElsewhere {
+struct OtherPlacement {
   Pose structure_from_elsewhere = Pose::Identity();  ///< of its nominal frame there
   Structure structure;
 };
@@ -42,7 +42,7 @@ struct SceneOptions {
   /// occluders before the first one.
   std::vector<Pose> structure_from_sensors;
   /// Not drawn, but its places and the sensors' views of them stay free like the structure's own.
-  std::vector<StructureElsewhere> elsewhere;
+  std::vector<OtherPlacement> elsewhere;
 };
 
 /// A mesh of the structure in a procedural room: floor at its lowest point, four walls, perhaps a
@@ -58,7 +58,7 @@ SceneMesh MoveStructure(const SceneMesh& scene, const Structure& structure,
                         const Pose& new_from_scene);
 
 /// Does one of the boxes stand in a sensor's tripod, or nearer than `gap` m to it?
-bool StandsInTripod(const StructureElsewhere& elsewhere, const Pose& structure_from_sensor,
+bool StandsInTripod(const OtherPlacement& elsewhere, const Pose& structure_from_sensor,
                     double gap = 0);
 
 /// A depth sensor on a tripod that stands on the floor; `structure_from_sensor` is its pose.

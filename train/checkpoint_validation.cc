@@ -35,8 +35,8 @@ ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& confi
     const std::vector<RealFrame> frames =
         ReadRealFrames(config.data.real.validation, context->structure);
     samples = static_cast<int>(frames.size());
-    source = HeldOut(frames, context->image_sizes, config.run.batch_size,
-                     config.data.pose.roll_offsets_deg);
+    source = ValidationFrames(frames, context->image_sizes, config.run.batch_size,
+                              config.data.pose.roll_offsets_deg);
   }
   return Validate(model.net, loss, context->structure, config.loss.keypoints, source, samples,
                   compute.device, compute.channels_last, count);

@@ -192,8 +192,9 @@ std::unique_ptr<Sample> LabelledSample(const RealFrame& frame, int width, int he
   return nullptr;
 }
 
-SampleSource MixIn(SampleSource inner, std::shared_ptr<const std::vector<RealFrame>> frames,
-                   double share, std::uint64_t seed, const std::vector<double>& roll_offsets_deg) {
+SampleSource MixRecordedFrames(SampleSource inner,
+                               std::shared_ptr<const std::vector<RealFrame>> frames, double share,
+                               std::uint64_t seed, const std::vector<double>& roll_offsets_deg) {
   using Labelled = std::vector<std::shared_ptr<const Sample>>;
   return [=, of_size = std::map<std::pair<int, int>, Labelled>()]() mutable {
     std::vector<Sample> batch = inner();
@@ -217,9 +218,9 @@ SampleSource MixIn(SampleSource inner, std::shared_ptr<const std::vector<RealFra
   };
 }
 
-SampleSource HeldOut(const std::vector<RealFrame>& frames,
-                     const std::vector<std::pair<int, int>>& image_sizes, int batch_size,
-                     const std::vector<double>& roll_offsets_deg) {
+SampleSource ValidationFrames(const std::vector<RealFrame>& frames,
+                              const std::vector<std::pair<int, int>>& image_sizes, int batch_size,
+                              const std::vector<double>& roll_offsets_deg) {
   std::map<std::pair<int, int>, std::vector<Sample>> of_size;
   for (const RealFrame& frame : frames) {
     std::unique_ptr<Sample> sample;

@@ -44,13 +44,14 @@ std::unique_ptr<Sample> LabelledSample(const RealFrame& frame, int width, int he
 
 /// Each batch of `inner` with a share of its samples replaced by labelled frames. The choice is a
 /// function of seed and index.
-SampleSource MixIn(SampleSource inner, std::shared_ptr<const std::vector<RealFrame>> frames,
-                   double share, std::uint64_t seed, const std::vector<double>& roll_offsets_deg);
+SampleSource MixRecordedFrames(SampleSource inner,
+                               std::shared_ptr<const std::vector<RealFrame>> frames, double share,
+                               std::uint64_t seed, const std::vector<double>& roll_offsets_deg);
 
 /// The frames in batches of one size of `image_sizes` each, again and again. Throws ConfigError for
 /// a frame that fits no size.
-SampleSource HeldOut(const std::vector<RealFrame>& frames,
-                     const std::vector<std::pair<int, int>>& image_sizes, int batch_size,
-                     const std::vector<double>& roll_offsets_deg);
+SampleSource ValidationFrames(const std::vector<RealFrame>& frames,
+                              const std::vector<std::pair<int, int>>& image_sizes, int batch_size,
+                              const std::vector<double>& roll_offsets_deg);
 
 }  // namespace volalign

@@ -33,7 +33,7 @@ void Describe(Archive& ar, StepMeans& means) {
   Eigen::Matrix<double, 5, 1> times;
   times << t.data, t.forward, t.loss, t.backward, t.optim;
   ar("times", times);
-  ar.Later("skipped", sum.skipped);
+  ar.OptionalSinceVersion("skipped", sum.skipped);
   std::map<std::string, double> own = sum.terms;  // terms of loss.terms
   own.erase("loss_seg");
   own.erase("loss_3d");
@@ -72,7 +72,7 @@ namespace {
 /// exceptions. run.threads and run.device change the rounding of a step's sums. So does
 /// data.renderer, which also changes few pixels at edges. RequireSameInputs compares the contents
 /// of data.structure and data.intrinsics.
-const std::set<std::string>& FreeKeys() {
+const std::set<std::string>& ResumableKeys() {
   static const std::set<std::string> keys = {"data.real.validation", "data.renderer",
                                              "data.structure",       "data.intrinsics",
                                              "run.samples",          "run.validation_samples",
@@ -137,7 +137,7 @@ void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
           "weights with run.init",
           is, was, path));
     }
-    if (FreeKeys().count(key) > 0) continue;
+    if (ResumableKeys().count(key) > 0) continue;
     throw ConfigError(fmt::format(
         "{} = {} differs from {} in {}: resume with the run's own config.yaml, or start a new run",
         key, is, was, path));

@@ -19,7 +19,7 @@ namespace {
 using nlohmann::json;
 
 /// Keys in which the processes of a run may differ.
-const std::set<std::string>& KeysOfTheMachine() {
+const std::set<std::string>& PerMachineKeys() {
   static const std::set<std::string> keys = {
       "run.device",   "run.threads", "run.loader_threads", "run.dataset", "run.validation_dataset",
       "data.renderer"};
@@ -29,7 +29,7 @@ const std::set<std::string>& KeysOfTheMachine() {
 void RequireSame(const SharedRun& own, const std::string& config, const std::string& dataset,
                  int rank) {
   for (const auto& [key, lead, here] : FindDifferences(config, own.config)) {
-    if (KeysOfTheMachine().count(key) > 0) continue;
+    if (PerMachineKeys().count(key) > 0) continue;
     throw ConfigError(fmt::format(
         "rank {} has {} = {}, and rank 0 {}: start all processes with the same configuration", rank,
         key, here, lead));
@@ -75,7 +75,7 @@ void RequireProcesses(const TrainConfig& config, int count) {
 
 Compute Agree(ProcessGroup& group, const SharedRun& own,
               const std::function<Compute(Compute)>& lead) {
-  const std::string said = group.FromLead([&] {
+  const std::string said = group.BroadcastFromRankZero([&] {
     const Compute chosen = lead(own.compute);
     return json{{"config", own.config},
                 {"dataset", own.dataset},
@@ -95,15 +95,15 @@ Compute Agree(ProcessGroup& group, const SharedRun& own,
 void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress) {
   if (group.size() == 1) return;
   c10::NoGradGuard no_grad;
-  *progress = ReadProgress(group.FromLead([&] { return WriteProgress(*progress); }));
-  learner->optimizer.set_steps(
-      std::stoll(group.FromLead([&] { return std::to_string(learner->optimizer.steps()); })));
+  *progress = ReadProgress(group.BroadcastFromRankZero([&] { return WriteProgress(*progress); }));
+  learner->optimizer.set_steps(std::stoll(
+      group.BroadcastFromRankZero([&] { return std::to_string(learner->optimizer.steps()); })));
   Broadcast(group, *learner->net);
   Broadcast(group, *learner->average.net());
   for (const auto& [name, moment] : learner->optimizer.moments()) group.Broadcast(moment);
 }
 
-void ShareCameras(ProcessGroup& group, RunProgress* progress) {
+void ReduceSeenIntrinsics(ProcessGroup& group, RunProgress* progress) {
   if (group.size() == 1) return;
   std::pair<double, double> focal_px{0, 0};
   for (const std::string& bytes : group.Gather(WriteProgress(*progress))) {

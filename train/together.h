@@ -31,7 +31,7 @@ Compute Agree(ProcessGroup& group, const SharedRun& own,
 void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress);
 
 /// Gives all processes the cameras that any of them has seen.
-void ShareCameras(ProcessGroup& group, RunProgress* progress);
+void ReduceSeenIntrinsics(ProcessGroup& group, RunProgress* progress);
 
 /// The validation of all samples, from each process's slice of each batch.
 ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size);

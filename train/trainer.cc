@@ -71,8 +71,8 @@ class Run {
                                           : config.run.samples),
         learner_(config, data.structure.num_classes(), compute_),
         loss_(config.loss, data.structure, compute_.device) {
-    saved_ = std::stoll(group.FromLead([&] {
-      Lead(std::move(state), options);
+    saved_ = std::stoll(group.BroadcastFromRankZero([&] {
+      InitialiseOnRankZero(std::move(state), options);
       return std::to_string(saved_);
     }));
     ShareState(group, &learner_, &progress_);
@@ -87,15 +87,15 @@ class Run {
     try {
       // A run may have been interrupted in a validation, or its length changed to the present
       // sample.
-      const bool owed = OwesValidation(), validated = ValidateIfOwed();
+      const bool owed = IsValidationDue(), validated = ValidateIfOwed();
       if (owed && validated) saved_ = -1;
       ended_ = Clock::now();
       if (validated && progress_.samples < stop_) {
         const auto next = FeedBatches(data_.open_training(progress_.samples), compute_.device,
                                       compute_.device.is_cpu() ? 0 : kAhead);
         // Drawing a batch may take long, so interruptions are looked for before.
-        while (progress_.samples < stop_ && Rescued([&] { return !Interrupted(); }) &&
-               Advance(next())) {
+        while (progress_.samples < stop_ &&
+               SaveStateOnLostProcess([&] { return !Interrupted(); }) && TrainStep(next())) {
         }
       }
       return End();
@@ -111,9 +111,9 @@ class Run {
 
  private:
   /// A step with the validation and saving that are due after it.
-  bool Advance(const Batch& batch) {
+  bool TrainStep(const Batch& batch) {
     const std::int64_t before = progress_.samples;
-    if (!Rescued([&] { return Step(batch); })) return false;
+    if (!SaveStateOnLostProcess([&] { return Step(batch); })) return false;
     const RunConfig& run = config_.run;
     const bool last = progress_.samples >= run.samples;
     const auto due = [&](std::int64_t every) {
@@ -128,7 +128,7 @@ class Run {
   }
 
   TrainResult End() {
-    Collect();
+    FlushStepMeans();
     TrainResult& result = result_;
     if (folder_ != nullptr) result.checkpoint = folder_->model();
     result.samples = progress_.samples;
@@ -146,7 +146,7 @@ class Run {
   }
 
   /// Restores the state in rank 0 and opens the files of the folder.
-  void Lead(std::optional<SavedState> state, const TrainOptions& options) {
+  void InitialiseOnRankZero(std::optional<SavedState> state, const TrainOptions& options) {
     if (state) {
       Restore(*state, &learner_);
       progress_ = state->progress;
@@ -168,7 +168,7 @@ class Run {
 
   /// Calls f. If another process is lost in it, saves the state before it and throws again.
   template <class F>
-  bool Rescued(const F& f) {
+  bool SaveStateOnLostProcess(const F& f) {
     if (group_.size() == 1) return f();
     const at::Tensor buffers = learner_.flat.buffers().clone();
     try {
@@ -198,7 +198,7 @@ class Run {
     return signal_ != 0;
   }
 
-  bool OwesValidation() const {
+  bool IsValidationDue() const {
     return progress_.validated != progress_.samples &&
            (progress_.samples >= config_.run.samples ||
             Crossed(progress_.validated, progress_.samples, config_.run.validate_every));
@@ -240,25 +240,25 @@ class Run {
     times = StepTimes{times.data};
     times.optim = Seconds(start);
     progress_.samples += samples;
-    Note(numbers, times, samples);
+    AccumulateStep(numbers, times, samples);
     return true;
   }
 
   /// `times`: the time of data, and all other time in optim.
-  void Note(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples) {
+  void AccumulateStep(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples) {
     const at::Tensor sums = numbers.Sums();
     pending_.sums = pending_.sums.defined() ? pending_.sums + sums : sums;
     pending_.times.data += times.data;
     pending_.times.optim += times.optim;
     pending_.samples += samples;
-    if (compute_.device.is_cpu()) Collect();
+    if (compute_.device.is_cpu()) FlushStepMeans();
     timed_samples_ += samples;
     timed_s_ += Total(times);
-    Foretell();
+    PrintTimeEstimate();
   }
 
   /// Adds all steps to progress_.means. Waits for the device.
-  void Collect() {
+  void FlushStepMeans() {
     if (!pending_.sums.defined()) return;
     StepReport report = ReadSums(pending_.sums, loss_.names());
     report.times = ShareOut(pending_.times, pending_.measured);
@@ -267,7 +267,7 @@ class Run {
   }
 
   /// Writes the expected duration of the run, once, when enough steps have been timed.
-  void Foretell() {
+  void PrintTimeEstimate() {
     constexpr std::int64_t kTimed = 100;  // samples: some steps, of which the first is slower
     constexpr double kDay = 24 * 3600;    // configs/paper/lite.yaml needs less on a CPU
     if (foretold_ || timed_samples_ < kTimed) return;
@@ -281,7 +281,7 @@ class Run {
   }
 
   void WriteTrainRow() {
-    Collect();
+    FlushStepMeans();
     const StepReport& sum = progress_.means.sum;
     if (sum.skipped == sum.steps) {
       throw Error(fmt::format(
@@ -301,8 +301,8 @@ class Run {
   }
 
   bool ValidateIfOwed() {
-    if (!OwesValidation()) return true;
-    Collect();
+    if (!IsValidationDue()) return true;
+    FlushStepMeans();
     ValidationResult result;
     const int samples =
         data_.validation_frames > 0 ? data_.validation_frames : config_.run.validation_samples;
@@ -327,7 +327,7 @@ class Run {
     for (MetricSink* sink : sinks_)
       sink->Validation({learner_.optimizer.steps(), progress_.samples, result});
     if (progress_.best.Note(result, progress_.samples)) {
-      ShareCameras(group_, &progress_);
+      ReduceSeenIntrinsics(group_, &progress_);
       if (folder_ != nullptr) SaveModel(folder_->best(), config_, data_, learner_, progress_);
     }
     return true;
@@ -344,13 +344,13 @@ class Run {
   }
 
   void Save() {
-    ShareCameras(group_, &progress_);
+    ReduceSeenIntrinsics(group_, &progress_);
     if (folder_ != nullptr) SaveAlone();
     saved_ = modelled_ = progress_.samples;
   }
 
   void SaveAlone() {
-    Collect();
+    FlushStepMeans();
     SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, learner_,
               progress_);
     folder_->KeepStates(kStatesKept);
@@ -393,9 +393,9 @@ class Run {
 }
 
 /// The state to continue, or nothing for a run that starts at its first sample.
-std::optional<SavedState> Begin(const RunFolder& folder, const TrainingData& data,
-                                const TrainConfig& config, bool resume,
-                                std::vector<std::string>* damaged) {
+std::optional<SavedState> ReadState(const RunFolder& folder, const TrainingData& data,
+                                    const TrainConfig& config, bool resume,
+                                    std::vector<std::string>* damaged) {
   if (!resume) {
     if (folder.States().empty()) return std::nullopt;
     throw Error(fmt::format("{} holds a run already: use --resume, or another folder",
@@ -441,7 +441,7 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
                       NothingToResume(options.run_dir);
                     }
                     folder.emplace(options.run_dir);
-                    state = Begin(*folder, data, config, options.resume, &damaged);
+                    state = ReadState(*folder, data, config, options.resume, &damaged);
                     if (!state) return chosen;
                     chosen.type = state->bf16 ? at::kBFloat16 : at::kFloat;
                     chosen.channels_last = state->channels_last;

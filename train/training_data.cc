@@ -205,7 +205,8 @@ std::shared_ptr<const std::vector<RealFrame>> OpenRealFrames(const std::vector<s
   if (files.empty()) return nullptr;
   auto frames =
       std::make_shared<const std::vector<RealFrame>>(ReadRealFrames(files, context.structure));
-  HeldOut(*frames, context.image_sizes, config.run.batch_size, config.data.pose.roll_offsets_deg);
+  ValidationFrames(*frames, context.image_sizes, config.run.batch_size,
+                   config.data.pose.roll_offsets_deg);
   return frames;
 }
 
@@ -277,12 +278,13 @@ TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice
                         share = config.data.real.share](std::int64_t first) {
     auto source = OpenSource(training, context, run, make, run.seed, first, slice);
     if (!real) return source;
-    return MixIn(std::move(source), real, share, static_cast<std::uint64_t>(run.seed), rolls);
+    return MixRecordedFrames(std::move(source), real, share, static_cast<std::uint64_t>(run.seed),
+                             rolls);
   };
   if (held) {
     data.validation_frames = static_cast<int>(held->size());
     data.open_validation = [held, context, rolls, batch = config.run.batch_size] {
-      return HeldOut(*held, context->image_sizes, batch, rolls);
+      return ValidationFrames(*held, context->image_sizes, batch, rolls);
     };
     return data;
   }

@@ -108,7 +108,7 @@ void WriteFileAtomically(const std::filesystem::path& path, std::string_view byt
   std::optional<FileHandle> file;
   // Two writers never share a file. A name is passed over if a killed writer left it, or one with
   // the same process number on another machine.
-  Unfinished temporary([&] {
+  TemporaryPath temporary([&] {
     std::filesystem::path name;
     do {
       name = fmt::format("{}.tmp-{}-{}", path.string(), ::getpid(), next_temporary++);

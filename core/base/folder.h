@@ -61,7 +61,7 @@ class ResultFolder {
  private:
   std::filesystem::path dir_;
   FolderLock lock_;
-  Unfinished draft_;
+  TemporaryPath draft_;
 };
 
 }  // namespace volalign

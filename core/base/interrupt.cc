@@ -35,7 +35,7 @@ struct Begun {
   std::string explanation;  ///< for exceptions that nothing can catch
 };
 
-Begun& TheBegun() {
+Begun& UnfinishedPaths() {
   static Begun* const begun = new Begun;
   return *begun;
 }
@@ -46,9 +46,9 @@ void Remove(const fs::path& path) {
 }
 
 /// Writes the sentence and ends the program without unfinished files. The caller keeps the lock of
-/// TheBegun, so nothing else begins.
+/// UnfinishedPaths, so nothing else begins.
 [[noreturn]] void EndWith(const std::string& sentence, int status) {
-  for (const fs::path& path : TheBegun().paths) Remove(path);
+  for (const fs::path& path : UnfinishedPaths().paths) Remove(path);
   const std::string line =
       fmt::format("{}{}\n", ::isatty(STDERR_FILENO) == 1 ? "\r\x1b[K" : "", sentence);
   const ssize_t written = ::write(STDERR_FILENO, line.data(), line.size());
@@ -57,7 +57,7 @@ void Remove(const fs::path& path) {
 }
 
 [[noreturn]] void End(int number) {
-  TheBegun().mutex.lock();
+  UnfinishedPaths().mutex.lock();
   EndWith(fmt::format("stopped by {}", number == SIGINT ? "Ctrl-C (SIGINT)" : "SIGTERM"),
           StatusOfSignal(number));
 }
@@ -71,9 +71,9 @@ void Remove(const fs::path& path) {
     what = SentenceOf(error);
   } catch (...) {
   }
-  if (!TheBegun().mutex.try_lock()) std::abort();  // the thrower has it
+  if (!UnfinishedPaths().mutex.try_lock()) std::abort();  // the thrower has it
   EndWith(fmt::format("error: a library failed where nothing can go on: {}{}", what,
-                      TheBegun().explanation),
+                      UnfinishedPaths().explanation),
           1);
 }
 
@@ -130,25 +130,25 @@ void EndOnInterrupt() {
 
 void ExplainUncaught(const std::string& sentence) {
   const std::unique_lock<std::mutex> lock = HoldInterrupts();
-  TheBegun().explanation = "; " + sentence;
+  UnfinishedPaths().explanation = "; " + sentence;
 }
 
 std::unique_lock<std::mutex> HoldInterrupts() {
-  return std::unique_lock<std::mutex>(TheBegun().mutex);
+  return std::unique_lock<std::mutex>(UnfinishedPaths().mutex);
 }
 
-Unfinished::Unfinished(const std::function<fs::path()>& create) {
+TemporaryPath::TemporaryPath(const std::function<fs::path()>& create) {
   const std::unique_lock<std::mutex> lock = HoldInterrupts();
   path_ = create();
-  TheBegun().paths.insert(path_);
+  UnfinishedPaths().paths.insert(path_);
 }
 
-Unfinished::~Unfinished() {
+TemporaryPath::~TemporaryPath() {
   if (!complete_) Remove(path_);
   const std::unique_lock<std::mutex> lock = HoldInterrupts();
-  TheBegun().paths.erase(path_);
+  UnfinishedPaths().paths.erase(path_);
 }
 
-void Unfinished::Complete() { complete_ = true; }
+void TemporaryPath::Complete() { complete_ = true; }
 
 }  // namespace volalign

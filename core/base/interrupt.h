@@ -31,7 +31,7 @@ class InterruptGuard {
 constexpr int StatusOfSignal(int number) { return 128 + number; }
 
 /// From now on SIGINT and SIGTERM end the program, unless an InterruptGuard lives. It writes a
-/// sentence to stderr, removes its Unfinished files and folders, and ends with StatusOfSignal. A
+/// sentence to stderr, removes its TemporaryPath files and folders, and ends with StatusOfSignal. A
 /// signal that is ignored stays so. If the system gives no thread for it, signals have their
 /// default effect. An exception that nothing can catch ends the program likewise, with status 1.
 /// For main, before other work.
@@ -46,13 +46,13 @@ std::unique_lock<std::mutex> HoldInterrupts();
 
 /// A file or folder that is being written. The object and EndOnInterrupt remove it unless it is
 /// complete.
-class Unfinished {
+class TemporaryPath {
  public:
   /// `create` makes it and returns its path.
-  explicit Unfinished(const std::function<std::filesystem::path()>& create);
-  ~Unfinished();
-  Unfinished(const Unfinished&) = delete;
-  Unfinished& operator=(const Unfinished&) = delete;
+  explicit TemporaryPath(const std::function<std::filesystem::path()>& create);
+  ~TemporaryPath();
+  TemporaryPath(const TemporaryPath&) = delete;
+  TemporaryPath& operator=(const TemporaryPath&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
   void Complete();

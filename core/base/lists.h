@@ -24,7 +24,7 @@ void KeepLargest(std::size_t most, std::vector<T>* items, const Key& key) {
 
 /// At most `most` items, evenly spaced.
 template <class T>
-std::vector<T> Thinned(const std::vector<T>& items, std::size_t most) {
+std::vector<T> EvenSubset(const std::vector<T>& items, std::size_t most) {
   if (items.size() <= most) return items;
   std::vector<T> some;
   some.reserve(most);

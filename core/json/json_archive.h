@@ -71,11 +71,12 @@ void ReadJsonValue(const nlohmann::json& json, const std::string& place, std::st
 ///
 ///   ar(key, value)              in every file
 ///   ar.Optional(key, value)     absent if it has no value, is empty or equals T()
-///   ar.Later(key, value)        always written; unchanged if an earlier version's file lacks it
+///   ar.OptionalSinceVersion(key, value)   always written; unchanged if an earlier version's file
+///                               lacks it
 ///   ar.IfFinite(key, value)     numbers (double, Eigen, Pose) that may be unknown: NaN in memory,
 ///                               an absent key in a file. A third argument is read instead of NaN
 ///   ar.Constant(key, text)      the same text in every file; any other is an error
-///   ar.Derived(key, value)      written for the file's other readers, not read
+///   ar.WriteOnly(key, value)    written for the file's other readers, not read
 ///   ar.OneOrList(key, texts)    absent, a string or a list
 ///   ar.ByName(key, items, &Item::name)   an object of the items by their names
 ///   Archive::kReading, ar.where()
@@ -99,7 +100,7 @@ void Describe(Archive& ar, Intrinsics& intrinsics) {
   ar("fy", intrinsics.fy);
   ar("cx", intrinsics.cx);
   ar("cy", intrinsics.cy);
-  ar.Later("distortion", intrinsics.distortion);
+  ar.OptionalSinceVersion("distortion", intrinsics.distortion);
   if constexpr (Archive::kReading) intrinsics.Validate(ar.where());
 }
 
@@ -262,22 +263,22 @@ class JsonObject {
     }
   }
   template <class T>
-  void Later(const std::string& key, T& value) const {
+  void OptionalSinceVersion(const std::string& key, T& value) const {
     if (Has(key)) (*this)(key, value);
   }
   template <class T>
   void IfFinite(const std::string& key, T& value) const {
     json_internal::NumbersOf(value).setConstant(std::numeric_limits<double>::quiet_NaN());
-    Later(key, value);
+    OptionalSinceVersion(key, value);
   }
   template <class T>
   void IfFinite(const std::string& key, T& value, const T& absent) const {
     value = absent;
-    Later(key, value);
+    OptionalSinceVersion(key, value);
   }
   void Constant(const std::string& key, const std::string& text) const;
   template <class T>
-  void Derived(const std::string& key, const T& /*value*/) const {
+  void WriteOnly(const std::string& key, const T& /*value*/) const {
     Has(key);
   }
   void OneOrList(const std::string& key, std::vector<std::string>& texts) const;
@@ -321,7 +322,7 @@ class JsonWriter {
     }
   }
   template <class T>
-  void Later(const std::string& key, T& value) {
+  void OptionalSinceVersion(const std::string& key, T& value) {
     (*this)(key, value);
   }
   template <class T>
@@ -334,7 +335,7 @@ class JsonWriter {
   }
   void Constant(const std::string& key, const std::string& text) { json_[key] = text; }
   template <class T>
-  void Derived(const std::string& key, T& value) {
+  void WriteOnly(const std::string& key, T& value) {
     (*this)(key, value);
   }
   void OneOrList(const std::string& key, const std::vector<std::string>& texts);

@@ -49,7 +49,7 @@ void Describe(Archive& ar, SensorOutcome& sensor) {
   }
   if (!sensor.structure_from_sensor) return;
   ar.IfFinite("initial", sensor.initial);
-  ar.Later("initial_source", sensor.initial_source);
+  ar.OptionalSinceVersion("initial_source", sensor.initial_source);
   if constexpr (Archive::kReading) {  // of earlier files
     std::string refinement;
     double rms = 0;

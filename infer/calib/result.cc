@@ -28,7 +28,7 @@ class NotFinite {
   template <class T>
   void Optional(const char* /*key*/, const T& /*value*/) {}
   template <class T>
-  void Later(const char* /*key*/, const T& /*value*/) {}
+  void OptionalSinceVersion(const char* /*key*/, const T& /*value*/) {}
   void Choice(const char* /*key*/, bool /*flag*/, const char* /*a*/, const char* /*b*/) {}
 
  private:

@@ -118,10 +118,10 @@ void Describe(Archive& ar, CheckpointFile& model) {
 template <class Archive>
 void Describe(Archive& ar, EvaluationFile& file) {
   ar.Constant("format", kEvaluationFormat);
-  ar.Derived("tool", file.tool);
-  ar.Derived("date", file.date);
-  ar.Derived("models", file.models);
-  ar.Derived("summary", file.summary);
+  ar.WriteOnly("tool", file.tool);
+  ar.WriteOnly("date", file.date);
+  ar.WriteOnly("models", file.models);
+  ar.WriteOnly("summary", file.summary);
   ar("cases", file.cases);
 }
 

@@ -32,7 +32,7 @@ class UnpackedFile {
   const std::filesystem::path& path() const { return file_.path(); }
 
  private:
-  Unfinished file_;
+  TemporaryPath file_;
 };
 
 }  // namespace volalign::formats_internal

@@ -115,7 +115,7 @@ constexpr std::size_t kPlaneParameters = 3;
 class WeighedPlane {
  public:
   WeighedPlane(const LargePlane& plane, const Intrinsics& seen_with, const DepthErrorModel& errors)
-      : patches_(Thinned(plane.patches, kFewProbes)), seen_with_(seen_with), errors_(errors) {
+      : patches_(EvenSubset(plane.patches, kFewProbes)), seen_with_(seen_with), errors_(errors) {
     if (patches_.size() <= kPlaneParameters) return;
     const PlaneResiduals at = ResidualsOf(PointsThrough(seen_with), seen_with, errors);
     Eigen::VectorXd variances(at.residuals.size());
@@ -250,7 +250,7 @@ double LargestBend(const SensorPlanes& sensor, const LensChange& change) {
   for (const LargePlane& plane : sensor.planes) {
     if (plane.patches.size() <= kPlaneParameters) continue;
     std::vector<Eigen::Vector3d> points;
-    for (const PlanePatch& patch : Thinned(plane.patches, kFewProbes)) points.push_back(patch.p);
+    for (const PlanePatch& patch : EvenSubset(plane.patches, kFewProbes)) points.push_back(patch.p);
     const PlaneResiduals of = ResidualsOf(points, sensor.intrinsics, sensor.errors);
     const Eigen::VectorXd moved = of.by_lens * change;
     const Eigen::VectorXd bent =

@@ -96,8 +96,8 @@ Eigen::MatrixXd LowerRoot(const Eigen::MatrixXd& covariance) {
 FrameObservations Sample(const FrameObservations& observed) {
   FrameObservations sample;
   sample.noise = observed.noise;
-  sample.faces = Thinned(observed.faces, kMostObservations);
-  sample.edges = Thinned(observed.edges, kMostObservations);
+  sample.faces = EvenSubset(observed.faces, kMostObservations);
+  sample.edges = EvenSubset(observed.edges, kMostObservations);
   return sample;
 }
 

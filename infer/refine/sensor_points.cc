@@ -166,7 +166,7 @@ SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segm
   SensorPoints points;
   points.side_points = SampleSidePoints(sides, options.max_side_points);
   points.edge_points =
-      Thinned(FindSilhouettes(sides), static_cast<std::size_t>(options.max_edge_points));
+      EvenSubset(FindSilhouettes(sides), static_cast<std::size_t>(options.max_edge_points));
   return points;
 }
 

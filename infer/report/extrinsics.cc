@@ -37,8 +37,8 @@ void Describe(Archive& ar, Extrinsics::Sensor& sensor) {
   Describe(ar, static_cast<SensorOutcome&>(sensor));
   ar("intrinsics", sensor.intrinsics);
   // The first files have the given intrinsics alone.
-  ar.Later("intrinsics_given", sensor.intrinsics_given);
-  ar.Later("lens", sensor.lens);
+  ar.OptionalSinceVersion("intrinsics_given", sensor.intrinsics_given);
+  ar.OptionalSinceVersion("lens", sensor.lens);
   ar.Optional("sensor", sensor.sensor);
   ar.OneOrList("depth", sensor.depth_files);
   ar("depth_scale", sensor.depth_scale);
@@ -119,10 +119,10 @@ void Describe(Archive& ar, Extrinsics& extrinsics) {
   ar.Optional("findings", extrinsics.findings);
   ar.Optional("assembly", extrinsics.assembly);
   ar.ByName("sensors", extrinsics.sensors, &Extrinsics::Sensor::name);
-  ar.Later("boxes", extrinsics.boxes);
-  ar.Later("size", extrinsics.size);
-  ar.Later("placements", extrinsics.placements);
-  ar.Later("solution", extrinsics.solution);
+  ar.OptionalSinceVersion("boxes", extrinsics.boxes);
+  ar.OptionalSinceVersion("size", extrinsics.size);
+  ar.OptionalSinceVersion("placements", extrinsics.placements);
+  ar.OptionalSinceVersion("solution", extrinsics.solution);
   ar("pairs", extrinsics.pairs);
   ar.Optional("twins", extrinsics.alternatives);
   ar.Optional("metrics", extrinsics.metrics);

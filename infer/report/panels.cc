@@ -56,14 +56,14 @@ int StrideOf(const FrameResult& sensor) {
 }
 
 template <class Pixels>
-Pixels Thinned(const Pixels& image, int stride) {
+Pixels EvenSubset(const Pixels& image, int stride) {
   return stride > 1 ? DecimateImage(image, stride) : image;
 }
 
 /// Draws the pixels of the structure at which another side, or none, begins.
 void DrawEdges(const ExpectedView& view, int stride, RgbImage* picture) {
-  const DepthImage depth = Thinned(view.depth, stride);
-  const LabelImage labels = Thinned(view.labels, stride);
+  const DepthImage depth = EvenSubset(view.depth, stride);
+  const LabelImage labels = EvenSubset(view.labels, stride);
   ForEachNeighbourPair(depth.width(), depth.height(),
                        [&](int u, int v, int p, int q, std::uint64_t /*pair*/) {
                          const bool here = depth(u, v) > 0, there = depth(p, q) > 0;
@@ -121,7 +121,7 @@ Image<float> SideResiduals(const FrameResult& sensor, const Structure& structure
 RgbImage EdgesPanel(const FrameResult& sensor, const Structure& structure,
                     const Pose& structure_from_sensor, int turns) {
   const int stride = StrideOf(sensor);
-  const DepthImage depth = Thinned(sensor.view.depth, stride);
+  const DepthImage depth = EvenSubset(sensor.view.depth, stride);
   const auto [near_m, far_m] = DepthRange(depth);
   RgbImage picture = ColourDepth(depth, near_m, far_m);
   DrawEdges(CastView(structure, sensor.view.rays, structure_from_sensor), stride, &picture);
@@ -130,8 +130,8 @@ RgbImage EdgesPanel(const FrameResult& sensor, const Structure& structure,
 
 FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, int turns) {
   const int stride = StrideOf(sensor);
-  const DepthImage depth = Thinned(sensor.view.depth, stride);
-  const LabelImage labels = Thinned(sensor.segmentation.labels, stride);
+  const DepthImage depth = EvenSubset(sensor.view.depth, stride);
+  const LabelImage labels = EvenSubset(sensor.segmentation.labels, stride);
   FramePanels panels;
   std::tie(panels.near_m, panels.far_m) = DepthRange(depth);
   panels.depth = Turn(ColourDepth(depth, panels.near_m, panels.far_m), turns);
@@ -143,7 +143,7 @@ FramePanels MakePanels(const FrameResult& sensor, const Structure& structure, in
     panels.edges = EdgesPanel(sensor, structure, *pose, turns);
   if (sensor.structure_from_sensor) {
     const Image<float> residuals = SideResiduals(sensor, structure);
-    panels.residual = Turn(ColourResiduals(depth, Thinned(residuals, stride)), turns);
+    panels.residual = Turn(ColourResiduals(depth, EvenSubset(residuals, stride)), turns);
     panels.sides = SideFits(sensor.segmentation.labels, residuals);
   }
   panels.shown_labels.assign(shown.begin(), shown.end());

@@ -83,7 +83,7 @@ TEST_F(SceneTest, ObjectsKeepClearOfStructureAndSensor) {
 }
 
 /// The number of points on the scene's objects that lie inside boxes which are not drawn.
-long PointsInside(const SceneMesh& mesh, const StructureElsewhere& place) {
+long PointsInside(const SceneMesh& mesh, const OtherPlacement& place) {
   constexpr int kSteps = 12;
   constexpr double kSkin = 1e-3;  // m, boxes stand on the floor
   const Pose elsewhere_from_structure = place.structure_from_elsewhere.inverse();
@@ -121,14 +121,14 @@ TEST_F(SceneTest, NothingStandsWhereTheStructureWillStand) {
       const double angle = random.Uniform(0, 6.28);
       Pose pose(Eigen::AngleAxisd(random.Uniform(0, 6.28), Eigen::Vector3d::UnitY()));
       pose.translation() = Eigen::Vector3d(radius * std::cos(angle), 0, radius * std::sin(angle));
-      return StructureElsewhere{pose, built.structure};
+      return OtherPlacement{pose, built.structure};
     };
-    const std::vector<StructureElsewhere> places{place(0.9), place(3.5)};  // the second by the wall
-    for (const StructureElsewhere& one : places)
+    const std::vector<OtherPlacement> places{place(0.9), place(3.5)};  // the second by the wall
+    for (const OtherPlacement& one : places)
       without += PointsInside(BuildScene(config, structure_, options, 5, i), one);
     options.elsewhere = places;
     const SceneMesh mesh = BuildScene(config, structure_, options, 5, i);
-    for (const StructureElsewhere& one : places) {
+    for (const OtherPlacement& one : places) {
       EXPECT_EQ(PointsInside(mesh, one), 0) << i;
       for (const SceneFace& face : mesh.faces) {
         // Walls, which face inwards, have the whole structure before them.

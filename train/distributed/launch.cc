@@ -31,7 +31,7 @@ std::vector<std::string> OwnCommand() {
 int LaunchProcesses(int count, std::vector<std::string> command, double grace_s) {
   using Clock = std::chrono::steady_clock;
   InterruptGuard guard;
-  const Unfinished folder([] {
+  const TemporaryPath folder([] {
     std::string path = (std::filesystem::temp_directory_path() / "volalign_XXXXXX").string();
     if (::mkdtemp(path.data()) == nullptr) throw IoError("cannot create the folder " + path);
     return std::filesystem::path(path);

@@ -302,7 +302,7 @@ std::vector<std::string> ProcessGroup::Gather(const std::string& own) { return {
 ProcessGroup::ProcessGroup() = default;
 ProcessGroup::~ProcessGroup() = default;
 
-std::string ProcessGroup::FromLead(const std::function<std::string()>& make) {
+std::string ProcessGroup::BroadcastFromRankZero(const std::function<std::string()>& make) {
   if (size_ == 1) return make();
   if (!leads()) {
     const std::string said = Gather("").at(0);

@@ -48,7 +48,7 @@ class ProcessGroup {
   std::vector<std::string> Gather(const std::string& own);
   /// The result of `make`, which only rank 0 calls. If it throws, all processes do: rank 0 the same
   /// exception, the others an Error with its message.
-  std::string FromLead(const std::function<std::string()>& make);
+  std::string BroadcastFromRankZero(const std::function<std::string()>& make);
 
  private:
   struct Connection;

@@ -161,7 +161,7 @@ TEST(EndOnInterrupt, SaysInALineWhatNothingCanCatch) {
   std::string said;
   const auto work = [&] {
     EndOnInterrupt();
-    const Unfinished draft([&] {
+    const TemporaryPath draft([&] {
       folder.Write("draft", "half");
       return folder / "draft";
     });

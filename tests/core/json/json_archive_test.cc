@@ -67,7 +67,7 @@ struct Thing {
     ar.Optional("second", second);
     ar.Optional("note", note);
     ar.OneOrList("files", files);
-    ar.Later("gain", gain);
+    ar.OptionalSinceVersion("gain", gain);
     ar("pose", pose);
     ar("vector", vector);
     ar("matrix", matrix);
@@ -76,7 +76,7 @@ struct Thing {
     ar("counts", counts);
     ar("spans", spans);
     double twice = 2 * count;
-    ar.Derived("twice", twice);
+    ar.WriteOnly("twice", twice);
     ar("intrinsics", intrinsics);
   }
 };

@@ -34,7 +34,7 @@ TEST(ProcessGroup, AloneDoesNothing) {
   group.Broadcast(tensor);
   EXPECT_TRUE(tensor.equal(at::full({2}, 3.0)));
   EXPECT_EQ(group.Gather("own"), std::vector<std::string>{"own"});
-  EXPECT_EQ(group.FromLead([] { return std::string("made"); }), "made");
+  EXPECT_EQ(group.BroadcastFromRankZero([] { return std::string("made"); }), "made");
 }
 
 TEST(ConnectedProcesses, SumsBroadcastsAndGathers) {
@@ -52,9 +52,10 @@ TEST(ConnectedProcesses, SumsBroadcastsAndGathers) {
     Require(same.equal(at::full({2}, 7.0)), "broadcast");
     const std::string own(static_cast<std::size_t>(world.rank), 'x');  // of different lengths
     Require(group.Gather(own) == std::vector<std::string>{"", "x", "xx"}, "gather");
-    const std::string made = group.FromLead([&] { return std::to_string(world.rank); });
+    const std::string made =
+        group.BroadcastFromRankZero([&] { return std::to_string(world.rank); });
     Require(made == "0", "from lead");
-    group.FromLead([]() -> std::string { throw Error("the lead failed"); });
+    group.BroadcastFromRankZero([]() -> std::string { throw Error("the lead failed"); });
   };
   EXPECT_EQ(InProcesses(3, folder.path(), work), std::vector<int>(3, 1));
   EXPECT_EQ(ReadFile(folder / "message0"), "the lead failed");
