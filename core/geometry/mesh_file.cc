@@ -96,6 +96,11 @@ void RequireShallow(const std::string& bytes) {
         if (levels++ > kDeepest)
           throw DataError(fmt::format("its nodes are nested deeper than {} levels", kDeepest));
     }
+    for (const Json& scene : json.value("scenes", Json::array())) {
+      const Json roots = scene.value("nodes", Json::array());
+      if (std::set<Json>(roots.begin(), roots.end()).size() < roots.size())
+        throw DataError("a scene has a node twice");
+    }
     double vertices = 0;  // Assimp copies those of each primitive, also where many have the same
     for (const Json& mesh : json.value("meshes", Json::array()))
       for (const Json& primitive : mesh.value("primitives", Json::array()))

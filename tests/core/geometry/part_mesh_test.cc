@@ -263,6 +263,7 @@ TEST(MeshFile, RefusesWhatWouldTakeTheMachine) {
   refuses("twice.gltf", R"({"nodes":[{"children":[0]}],"nodes":[{}]})", "\"nodes\" stands twice");
   refuses("latin1.gltf", "{\"nodes\":[{\"children\":[0],\"name\":\"\xff\"}]}", "JSON has a fault");
   refuses("one.gltf", R"({"nodes":{"a":{"children":["a"]}}})", "glTF 2 is read");
+  refuses("roots.gltf", R"({"scenes":[{"nodes":[0,0]}],"nodes":[{}]})", "a node twice");
   std::string primitives;
   for (int i = 0; i < 100; ++i) primitives += R"({"attributes":{"POSITION":0}},)";
   refuses("shared.gltf",
