@@ -29,7 +29,6 @@ class NotFinite {
   void Optional(const char* /*key*/, const T& /*value*/) {}
   template <class T>
   void OptionalSinceVersion(const char* /*key*/, const T& /*value*/) {}
-  void Choice(const char* /*key*/, bool /*flag*/, const char* /*a*/, const char* /*b*/) {}
 
  private:
   static bool IsFinite(double value) { return std::isfinite(value); }

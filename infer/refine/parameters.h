@@ -151,13 +151,13 @@ struct State {
   bool converged = true;  ///< the last solution ended by its tolerances
 
   std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
-  std::size_t EvaluationCaptureOf(std::size_t i) const {
+  std::size_t CaptureOf(std::size_t i) const {
     return static_cast<std::size_t>(frame_of[i].capture);
   }
   std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
 
   // The following take the index of a frame.
-  const Structure& Built(std::size_t i) const { return built[EvaluationCaptureOf(i)]; }
+  const Structure& Built(std::size_t i) const { return built[CaptureOf(i)]; }
   const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
   LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
   const SensorErrorVector& Errors(std::size_t i) const { return errors[SensorOf(i)]; }
@@ -171,8 +171,7 @@ struct State {
     return {&size, boxes[capture].data(), bulges[capture].data()};
   }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(),
-            Build(EvaluationCaptureOf(i))};
+    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(), Build(CaptureOf(i))};
   }
   /// Updates `built` from the parameters.
   void UpdateBuilt(const BuildModel& model);

@@ -62,7 +62,7 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
                                    excluded->alone.Built(i)};
   }
   frame.first_from_sensor =
-      state.placements[state.EvaluationCaptureOf(i)].ToPose() * frame.structure_from_sensor;
+      state.placements[state.CaptureOf(i)].ToPose() * frame.structure_from_sensor;
   return frame;
 }
 
@@ -77,9 +77,8 @@ void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
   frame->covariance = (block + block.transpose()) / 2;
   if (agreed.of[i]) frame->covariance = agreed.of[i]->covariance;
   frame->problem = Problem(unsolved[i], posterior.exact);
-  frame->first_covariance =
-      CovarianceInFirst(problem, posterior, state.placements[state.EvaluationCaptureOf(i)].ToPose(),
-                        i, frame->covariance);
+  frame->first_covariance = CovarianceInFirst(
+      problem, posterior, state.placements[state.CaptureOf(i)].ToPose(), i, frame->covariance);
 }
 
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& agreed,
@@ -189,7 +188,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
   std::vector<RefinedPair> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (state.EvaluationCaptureOf(a) == state.EvaluationCaptureOf(b))
+      if (state.CaptureOf(a) == state.CaptureOf(b))
         pairs.push_back({static_cast<int>(a), static_cast<int>(b)});
     }
   }

@@ -40,7 +40,7 @@ void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* s
 
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t capture, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution.fixed[i] || solution.state.EvaluationCaptureOf(i) != capture) continue;
+    if (solution.fixed[i] || solution.state.CaptureOf(i) != capture) continue;
     for (const FaceObservation& face : solution.observed[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }

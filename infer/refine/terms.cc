@@ -52,11 +52,10 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
 void AddStructureTerms(const JointProblem& problem, const FrameObservations& observed,
                        std::size_t i, State* state, CeresProblem* ceres) {
   if (observed.faces.empty()) return;
-  ceres->problem->AddResidualBlock(new SensorCost(problem.model, observed), nullptr,
-                                   state->poses[i].values, &state->offsets[i],
-                                   state->Errors(i).data(), state->Lens(i).data(), &state->size,
-                                   state->boxes[state->EvaluationCaptureOf(i)].data(),
-                                   state->bulges[state->EvaluationCaptureOf(i)].data());
+  ceres->problem->AddResidualBlock(
+      new SensorCost(problem.model, observed), nullptr, state->poses[i].values, &state->offsets[i],
+      state->Errors(i).data(), state->Lens(i).data(), &state->size,
+      state->boxes[state->CaptureOf(i)].data(), state->bulges[state->CaptureOf(i)].data());
 }
 
 /// A sensor stays where it is between captures, and so nearly does its depth offset. Each of its
@@ -72,9 +71,8 @@ void AddTies(const JointProblem& problem, const std::vector<char>& fixed, State*
     ceres->problem->AddResidualBlock(
         TieCost(problem.setup.prior.sensor_moved_sigma_m,
                 problem.setup.prior.sensor_moved_sigma_deg * kDegree),
-        nullptr, state->placements[state->EvaluationCaptureOf(first)].values,
-        state->poses[first].values, state->placements[state->EvaluationCaptureOf(i)].values,
-        state->poses[i].values);
+        nullptr, state->placements[state->CaptureOf(first)].values, state->poses[first].values,
+        state->placements[state->CaptureOf(i)].values, state->poses[i].values);
     ceres->problem->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,
                                      &state->offsets[first], &state->offsets[i]);
   }
@@ -91,7 +89,7 @@ void AddPosePriors(const JointProblem& problem, const std::vector<char>& fixed, 
     std::vector<double*> blocks;
     if (prior->world != PriorWorld::kStructure) blocks.push_back(state->world.values);
     if (prior->world == PriorWorld::kScaleFree) blocks.push_back(&state->world_scale);
-    blocks.push_back(state->placements[state->EvaluationCaptureOf(i)].values);
+    blocks.push_back(state->placements[state->CaptureOf(i)].values);
     blocks.push_back(state->poses[i].values);
     ceres->problem->AddResidualBlock(KnownPoseCost(*prior), nullptr, blocks);
   }

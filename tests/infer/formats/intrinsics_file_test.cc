@@ -189,12 +189,12 @@ TEST(LooksLikeIntrinsics, KnowsTheKeysAndEndsWithAnyText) {
     EXPECT_FALSE(LooksLikeIntrinsics(text));
 }
 
-TEST(IntrinsicsFileTest, EndsWithSymmetriesOfSymmetries) {
+TEST(IntrinsicsFileTest, EndsWithAliasesOfAliases) {
   std::string text = "width: 1\nheight: 1\na0: &a0 [1]\n";
   for (int level = 1; level <= 10; ++level) {
-    const std::string symmetry = "*a" + std::to_string(level - 1);
-    text += "a" + std::to_string(level) + ": &a" + std::to_string(level) + " [" + symmetry;
-    for (int i = 0; i < 9; ++i) text += ", " + symmetry;
+    const std::string alias = "*a" + std::to_string(level - 1);
+    text += "a" + std::to_string(level) + ": &a" + std::to_string(level) + " [" + alias;
+    for (int i = 0; i < 9; ++i) text += ", " + alias;
     text += "]\n";
   }
   ExpectBad(text + "K: *a10\n", {"file", "alias", "1000000"});

@@ -296,7 +296,7 @@ Pose SensorFromBox(const State& state, std::size_t frame, std::size_t box) {
 }
 
 Pose FirstFromSensor(const State& state, std::size_t frame) {
-  return state.placements[state.EvaluationCaptureOf(frame)].ToPose() * state.poses[frame].ToPose();
+  return state.placements[state.CaptureOf(frame)].ToPose() * state.poses[frame].ToPose();
 }
 
 TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {
