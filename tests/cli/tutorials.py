@@ -41,7 +41,7 @@ FAILS = {
 NOT_RUN = [
     (r"", r"^alias volalign=", "run_command does the same"),
     (r"conversion|formats", r"FORMAT|FILE|init FOLDER", "has places to fill in: test_own_rig writes every format, test_readme runs init"),
-    (r"install", r"^(\./quickstart\.sh|cmake --install|~/volalign/bin/volalign)", "cli/install installs what quickstart.sh builds, and runs it"),
+    (r"install", r"^(\./quickstart\.sh|cmake --install|~/volalign/bin/volalign)", "install/program installs what quickstart.sh builds, and runs it"),
     (r"python", r"", "bindings/python runs the package; a build by pip takes as long as the quick start"),
     (r"", r"^(\./|tests/|packaging/|\.ci/|cmake |ninja |git |/usr/bin/python3 |python3 |apt|build/(?!release/cli)|taskset |venv/)",
      "builds, tests, measures or installs packages, for hours or as root"),
