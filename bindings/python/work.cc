@@ -2,11 +2,10 @@
 
 #include <atomic>
 #include <chrono>
-#include <condition_variable>
 #include <csignal>
 #include <exception>
+#include <future>
 #include <mutex>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -35,69 +34,45 @@ class SignalsBlocked {
   sigset_t before_;
 };
 
-/// What the two threads share.
-struct Shared {
-  std::mutex mutex;
-  std::condition_variable changed;
-  std::vector<std::string> stages;
-  bool done = false;
-  std::exception_ptr failure;
-  std::atomic<bool> stop{false};
-};
-
-std::thread Start(const std::function<void(const Tell&)>& work, Shared* shared) {
-  const SignalsBlocked blocked;
-  return std::thread([&work, shared] {
-    const StopScope scope(&shared->stop);
-    std::exception_ptr failure;
-    try {
-      work([shared](const std::string& stage) {
-        ThrowIfStopped();
-        const std::lock_guard<std::mutex> lock(shared->mutex);
-        shared->stages.push_back(stage);
-        shared->changed.notify_one();
-      });
-    } catch (...) {
-      failure = std::current_exception();
-    }
-    const std::lock_guard<std::mutex> lock(shared->mutex);
-    shared->failure = failure;
-    shared->done = true;
-    shared->changed.notify_one();
-  });
-}
-
 }  // namespace
 
 void RunWork(const py::object& progress, const std::function<void(const Tell&)>& work) {
-  Shared shared;
-  std::thread thread = Start(work, &shared);
+  std::mutex mutex;
+  std::vector<std::string> told;
+  std::atomic<bool> stop{false};
+  const auto begin = [&] {
+    const SignalsBlocked blocked;
+    return std::async(std::launch::async, [&] {
+      const StopScope scope(&stop);
+      work([&](const std::string& stage) {
+        ThrowIfStopped();
+        const std::lock_guard<std::mutex> lock(mutex);
+        told.push_back(stage);
+      });
+    });
+  };
+  std::future<void> end = begin();
   std::exception_ptr raised;
-  {
-    const py::gil_scoped_release released;
-    std::unique_lock<std::mutex> lock(shared.mutex);
-    while (!shared.done || !shared.stages.empty()) {
-      shared.changed.wait_for(lock, kInterval,
-                              [&] { return shared.done || !shared.stages.empty(); });
-      const std::vector<std::string> stages = std::exchange(shared.stages, {});
-      if (shared.stop) continue;
-      lock.unlock();
-      try {
-        const py::gil_scoped_acquire acquired;
-        if (PyErr_CheckSignals() != 0) throw py::error_already_set();
-        if (!progress.is_none()) {
-          for (const std::string& stage : stages) progress(stage);
-        }
-      } catch (...) {
-        raised = std::current_exception();
-        shared.stop = true;
-      }
-      lock.lock();
+  for (bool ended = false; !ended;) {
+    {
+      const py::gil_scoped_release released;
+      ended = end.wait_for(kInterval) == std::future_status::ready;
+    }
+    if (stop) continue;
+    std::unique_lock<std::mutex> lock(mutex);
+    const std::vector<std::string> stages = std::exchange(told, {});
+    lock.unlock();
+    try {
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+      for (const std::string& stage : stages)
+        if (!progress.is_none()) progress(stage);
+    } catch (...) {
+      raised = std::current_exception();
+      stop = true;
     }
   }
-  thread.join();
   if (raised) std::rethrow_exception(raised);
-  if (shared.failure) std::rethrow_exception(shared.failure);
+  end.get();
 }
 
 }  // namespace volalign::python
