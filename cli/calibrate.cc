@@ -23,10 +23,10 @@ Command AddCalibrateCommand(CLI::App& program) {
       "file that says where the structure stands in a frame of yours: its pose, touched "
       "corners, or the poses of the robot that carries it (docs/world.md)");
   return {app, [request] {
-            const Calibration calibration = RunCalibration(*request);
+            const WrittenCalibration calibration = RunCalibration(*request);
             const CalibrationResult& result = calibration.result;
             request->table.Print(FormatReport(result), SensorsTable(result.sensors));
-            request->table.Say("written: " + WrittenBy(*request, calibration));
+            request->table.Say("written: " + calibration.written);
             return result.placed() == static_cast<int>(result.sensors.size()) ? 0 : 2;
           }};
 }

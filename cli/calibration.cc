@@ -220,30 +220,28 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   request->table.AddOptions(app);
 }
 
-Calibration RunCalibration(const CalibrationRequest& request, const CompleteReport& complete) {
+WrittenCalibration RunCalibration(const CalibrationRequest& request,
+                                  const CompleteReport& complete) {
   const CalibrateOptions config = Resolve(request);
 
   ProgressLine line;
   line.Begin("reading");
   const auto start = std::chrono::steady_clock::now();
-  std::vector<CaptureFile> captures;
-  for (const std::string& capture : request.captures) captures.push_back(ReadCapture(capture));
-  std::optional<Structure> structure = GivenStructure(request, captures);
-  Calibration out;
-  out.captures = NameCaptures(std::move(captures));
-  GivePriors(request, &out.captures);
-  const Labeller labeller =
-      ChooseLabeller(request.model, structure ? &*structure : nullptr, config);
+  std::vector<CaptureFile> read;
+  for (const std::string& capture : request.captures) read.push_back(ReadCapture(capture));
+  const std::optional<Structure> given = GivenStructure(request, read);
+  std::vector<Capture> captures = NameCaptures(std::move(read));
+  GivePriors(request, &captures);
+  const Labeller labeller = ChooseLabeller(request.model, given ? &*given : nullptr, config);
   NetworkSegmenter* const segmenter = labeller.network.get();
-  out.structure = structure ? *structure : segmenter->structure();
-  if (!structure && request.last_structure &&
-      request.last_structure->sha256 != out.structure.Hash()) {
+  const Structure& structure = given ? *given : segmenter->structure();
+  if (!given && request.last_structure && request.last_structure->sha256 != structure.Hash()) {
     throw ConfigError(
         fmt::format("the last calibration has the structure \"{}\", and the model knows \"{}\"; "
                     "the capture names none: give that of the last calibration with --structure",
-                    request.last_structure->name, out.structure.name()));
+                    request.last_structure->name, structure.name()));
   }
-  WarnOf(out.structure);
+  WarnOf(structure);
   const std::chrono::duration<double> loading = std::chrono::steady_clock::now() - start;
 
   std::optional<WorldObservation> world;
@@ -251,54 +249,46 @@ Calibration RunCalibration(const CalibrationRequest& request, const CompleteRepo
 
   // This comes before the work, because it fails if nobody can write there.
   std::optional<ResultFolder> folder;
+  bool replaced = false;
   if (!request.output.empty()) {
     folder.emplace(request.output);
     std::error_code error;
-    out.replaced = std::filesystem::exists(folder->dir() / "extrinsics.json", error);
+    replaced = std::filesystem::exists(folder->dir() / "extrinsics.json", error);
   }
-  out.result = Calibrate(
-      out.captures, out.structure, segmenter, config,
-      [&](const std::string& stage) { line.Begin(stage, ShareDone(stage, segmenter != nullptr)); });
-  if (!structure && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
+  WrittenCalibration out{
+      CalibrateFiles(std::move(captures), request.captures, structure, segmenter, config,
+                     [&](const std::string& stage) {
+                       line.Begin(stage, ShareDone(stage, segmenter != nullptr));
+                     }),
+      ""};
+  if (!given && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
     out.result.findings.insert(out.result.findings.begin(),
                                {RigCode::kStructureAssumed,
                                 {},
                                 fmt::format("no structure was given, and most sensors do not see "
                                             "\"{}\", the structure that the model knows",
-                                            out.structure.name()),
+                                            structure.name()),
                                 "describe your boxes in a YAML, and give it with --structure"});
   }
   out.result.timings_s.back().second += loading.count();
   out.result.timings_s.insert(out.result.timings_s.begin(), {"load", loading.count()});
-  out.source.captures = request.captures;
   out.source.note = request.note;
-  if (world) out.source.world = FindWorldFrame(*world, out.result, out.structure);
-  if (segmenter) {
-    out.source.model_file = segmenter->file();
-    out.source.model_sha256 = segmenter->sha256();
-    out.source.model_runtime = segmenter->runtime();
-  }
-  out.options = WriteConfig(config);
+  if (world) out.source.world = FindWorldFrame(*world, out.result, structure);
   ReportRun report{CommandLine(), out.options, NextCommands(request)};
   if (complete) complete(out, &report);
   if (folder) {
     line.Begin(kWriting, ShareDone(kWriting, segmenter != nullptr));
-    WriteFileAtomically(folder->draft() / "options.yaml", out.options);
     SaveCommand(folder->draft());
-    WriteCalibration(*folder, out.result, out.captures, out.structure, out.source,
-                     request.no_report ? std::nullopt : std::optional(report));
+    WriteCalibration(*folder, out, request.no_report ? std::nullopt : std::optional(report));
+    out.written = fmt::format(
+        "{}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/{}",
+        request.output, request.no_report ? "" : "report.html, rig.glb, ",
+        replaced ? " (in place of an earlier result)" : "");
   }
   line.Stop();
   request.table.Say(labeller.choice);
   if (out.source.world) request.table.Say(WorldSentence(*out.source.world));
   return out;
-}
-
-std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration) {
-  return fmt::format(
-      "{}/{}extrinsics.json, options.yaml, labels/, confidence/, pictures/, clouds/{}",
-      request.output, request.no_report ? "" : "report.html, rig.glb, ",
-      calibration.replaced ? " (in place of an earlier result)" : "");
 }
 
 }  // namespace volalign

@@ -7,11 +7,7 @@
 #include <vector>
 
 #include "cli/table_output.h"
-#include "core/geometry/structure.h"
-#include "infer/calib/result.h"
-#include "infer/report/extrinsics.h"
-#include "infer/report/html_report/payload.h"
-#include "infer/view/sensor_frame.h"
+#include "infer/report/export.h"
 
 namespace volalign {
 
@@ -34,13 +30,8 @@ struct CalibrationRequest {
 /// Adds all options but --output and --capture, which the sub-commands define.
 void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request);
 
-struct Calibration {
-  std::vector<Capture> captures;
-  Structure structure;
-  CalibrationResult result;
-  ExtrinsicsSource source;
-  std::string options;    ///< YAML: every option of the calibration
-  bool replaced = false;  ///< the folder had a result already
+struct WrittenCalibration : Calibration {
+  std::string written;  ///< a line on the files
 };
 
 /// Completes the report of how the result was made, or uses the result.
@@ -49,9 +40,7 @@ using CompleteReport = std::function<void(const Calibration& calibration, Report
 /// Reads, calibrates, says which model it uses and why, and writes the folder `request.output`
 /// unless that is empty. `complete` is called before anything is written, with the report's
 /// content. Throws what these throw.
-Calibration RunCalibration(const CalibrationRequest& request, const CompleteReport& complete = {});
-
-/// A line on the files that RunCalibration wrote.
-std::string WrittenBy(const CalibrationRequest& request, const Calibration& calibration);
+WrittenCalibration RunCalibration(const CalibrationRequest& request,
+                                  const CompleteReport& complete = {});
 
 }  // namespace volalign

@@ -54,10 +54,9 @@ Compared Compare(Comparison comparison) {
   Compared out;
   out.last = ReadExtrinsics(comparison.last);
   request.last_structure = out.last.structure;
-  const Calibration now =
+  const WrittenCalibration now =
       RunCalibration(request, [&](const Calibration& calibration, ReportRun* report) {
-        out.now = MakeExtrinsics(calibration.result, calibration.captures, calibration.structure,
-                                 calibration.source);
+        out.now = MakeExtrinsics(calibration);
         out.check = CheckRig(comparison.last, out.last, out.now, comparison.movement);
         report->check = RigCheckText(out.check, "check.json");
         report->checked = RigCheckSentences(out.check);
@@ -66,7 +65,7 @@ Compared Compare(Comparison comparison) {
   request.table.Print(FormatRigCheck(out.check), MovementTable(out.check.movements));
   if (!request.output.empty()) {
     WriteRigCheck(std::filesystem::path(request.output) / "check.json", out.check);
-    request.table.Say(fmt::format("written: {}, check.json", WrittenBy(request, now)));
+    request.table.Say(fmt::format("written: {}, check.json", now.written));
   }
   return out;
 }

@@ -12,14 +12,12 @@
 
 #include "bindings/c/volalign.h"
 #include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "core/base/folder.h"
 #include "core/base/input_file.h"
 #include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/geometry/structure.h"
-#include "infer/calib/calibrate.h"
 #include "infer/capture/capture.h"
 #include "infer/formats/depth_file.h"
 #include "infer/report/export.h"
@@ -43,11 +41,8 @@ struct volalign_model {
 };
 
 struct volalign_result {
-  volalign::CalibrationResult calibration;
-  std::vector<volalign::Capture> captures;
-  volalign::Structure structure;
-  volalign::ExtrinsicsSource source;
-  std::string options, json;
+  volalign::Calibration whole;
+  std::string json;
   std::vector<std::string> about;  // of each finding
 };
 
@@ -180,17 +175,17 @@ volalign_code Created(T** handle, const Make& make) noexcept {
 }
 
 const std::vector<volalign::FrameResult>& FramesOf(const volalign_result& result, int capture) {
-  const auto& captures = result.calibration.captures;
+  const auto& captures = result.whole.result.captures;
   Require(capture >= 0 && capture < std::max(1, static_cast<int>(captures.size())),
           "there is no capture of this number");
-  return captures.empty() ? result.calibration.sensors
+  return captures.empty() ? result.whole.result.sensors
                           : captures[static_cast<std::size_t>(capture)].sensors;
 }
 
 const volalign::FrameResult& SensorOf(const volalign_result* result, int index) {
   Require(result, "result is NULL");
   Require(index >= 0 && index < volalign_result_count(result), "there is no sensor of this number");
-  return result->calibration.sensors[static_cast<std::size_t>(index)];
+  return result->whole.result.sensors[static_cast<std::size_t>(index)];
 }
 
 }  // namespace
@@ -298,34 +293,24 @@ volalign_code volalign_calibrate(const volalign_capture* capture, volalign_model
     if (!capture->structure && !segmenter) {
       throw ConfigError("neither the capture nor a model has a structure; give its file");
     }
-    made->structure = capture->structure ? *capture->structure : segmenter->structure();
-    made->captures = capture->captures;
-    made->source.captures = capture->files;
-    if (segmenter) {
-      made->source.model_file = segmenter->file();
-      made->source.model_sha256 = segmenter->sha256();
-      made->source.model_runtime = segmenter->runtime();
-    }
-    made->options = volalign::WriteConfig(values);
-    made->calibration = volalign::Calibrate(
-        made->captures, made->structure, segmenter, values, [&](const std::string& stage) {
-          if (progress && progress(stage.c_str(), user) != 0)
-            throw Stopped("the calibration was stopped before: " + stage);
-        });
-    for (const volalign::RigFinding& finding : made->calibration.findings)
+    made->whole =
+        volalign::CalibrateFiles(capture->captures, capture->files,
+                                 capture->structure ? *capture->structure : segmenter->structure(),
+                                 segmenter, values, [&](const std::string& stage) {
+                                   if (progress && progress(stage.c_str(), user) != 0)
+                                     throw Stopped("the calibration was stopped before: " + stage);
+                                 });
+    for (const volalign::RigFinding& finding : made->whole.result.findings)
       made->about.push_back(fmt::format("{}", fmt::join(finding.about, "\n")));
-    made->json =
-        volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->calibration, made->captures,
-                                                          made->structure, made->source),
-                                 "result")
-            .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+    made->json = volalign::ExtrinsicsJson(volalign::MakeExtrinsics(made->whole), "result")
+                     .dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
   });
 }
 
 void volalign_result_free(volalign_result* result) { delete result; }
 
 int volalign_result_count(const volalign_result* result) {
-  return result ? static_cast<int>(result->calibration.sensors.size()) : 0;
+  return result ? static_cast<int>(result->whole.result.sensors.size()) : 0;
 }
 
 volalign_code volalign_result_sensor(const volalign_result* result, int index,
@@ -371,7 +356,7 @@ volalign_code volalign_result_finding(const volalign_result* result, int index,
             "there is no finding of this number");
     Require(finding->struct_size == sizeof(volalign_finding), kUnknownSize);
     const auto i = static_cast<std::size_t>(index);
-    const volalign::RigFinding& from = result->calibration.findings[i];
+    const volalign::RigFinding& from = result->whole.result.findings[i];
     *finding = {sizeof(volalign_finding), volalign::ToString(from.code), result->about[i].c_str(),
                 from.reason.c_str(), from.hint.c_str()};
   });
@@ -401,11 +386,8 @@ volalign_code volalign_result_save(const volalign_result* result, const char* fo
                                    int with_report) {
   return Guard([&] {
     Require(result && folder, "result or folder is NULL");
-    const volalign::ResultFolder out(PathOf(folder));
-    volalign::WriteFileAtomically(out.draft() / "options.yaml", result->options);
     std::optional<volalign::ReportRun> report;
-    if (with_report) report = volalign::ReportRun{"libvolalign_c", result->options};
-    volalign::WriteCalibration(out, result->calibration, result->captures, result->structure,
-                               result->source, report);
+    if (with_report) report = volalign::ReportRun{"libvolalign_c", result->whole.options};
+    volalign::WriteCalibration(volalign::ResultFolder(PathOf(folder)), result->whole, report);
   });
 }

@@ -63,7 +63,7 @@ std::unique_ptr<NetworkSegmenter> LoadModel(const CalibrateArguments& arguments,
 
 }  // namespace
 
-std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments) {
+std::shared_ptr<Calibration> CalibrateCapture(const CalibrateArguments& arguments) {
   const auto options =
       ReadConfig<CalibrateOptions>(SourceOf(arguments.options, arguments.keywords));
   std::vector<NamedCapture> captures = CapturesOf(arguments.capture);
@@ -76,29 +76,22 @@ std::shared_ptr<Calibrated> CalibrateCapture(const CalibrateArguments& arguments
         "there is neither a model nor a structure; describe the boxes and give them with "
         "structure=");
   }
-  auto calibrated = std::make_shared<Calibrated>();
+  std::vector<std::string> files;
   std::vector<CaptureFile> read;
   for (NamedCapture& capture : captures) {
-    calibrated->source.captures.push_back(capture.capture.path.string());
+    files.push_back(capture.capture.path.string());
     // NameCaptures takes a name without its ending.
     if (capture.in_memory) capture.capture.path += ".";
     read.push_back(std::move(capture.capture));
   }
-  calibrated->structure = *std::move(structure);
-  for (const StackFault& fault : FindStackFaults(calibrated->structure)) {
+  for (const StackFault& fault : FindStackFaults(*structure)) {
     if (!fault.impossible && PyErr_WarnEx(PyExc_UserWarning, fault.text.c_str(), 1) != 0)
       throw py::error_already_set();
   }
-  calibrated->options = WriteConfig(options);
-  if (segmenter) {
-    calibrated->source.model_file = segmenter->file();
-    calibrated->source.model_sha256 = segmenter->sha256();
-    calibrated->source.model_runtime = segmenter->runtime();
-  }
+  auto calibrated = std::make_shared<Calibration>();
   RunWork(arguments.progress, [&](const Tell& tell) {
-    calibrated->captures = NameCaptures(std::move(read));
-    calibrated->result =
-        Calibrate(calibrated->captures, calibrated->structure, segmenter.get(), options, tell);
+    *calibrated = CalibrateFiles(NameCaptures(std::move(read)), std::move(files), *structure,
+                                 segmenter.get(), options, tell);
   });
   return calibrated;
 }

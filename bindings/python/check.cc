@@ -19,7 +19,7 @@ namespace {
 /// A check with the calibrations that it compares.
 struct Checked {
   Extrinsics last, now;
-  std::shared_ptr<Calibrated> result;
+  std::shared_ptr<Calibration> result;
   RigCheck check;
 };
 
@@ -30,17 +30,17 @@ std::shared_ptr<Checked> Check(const py::object& last, const py::object& capture
                                const py::object& progress, const py::kwargs& keywords) {
   auto checked = std::make_shared<Checked>();
   std::string last_file = "last";
-  if (py::isinstance<Calibrated>(last)) {
-    checked->last = last.cast<const Calibrated&>().MakeExtrinsics();
+  if (py::isinstance<Calibration>(last)) {
+    checked->last = MakeExtrinsics(last.cast<const Calibration&>());
   } else {
     last_file = PathOf(last);
     checked->last = ReadExtrinsics(last_file);
   }
   checked->result =
-      py::isinstance<Calibrated>(capture)
-          ? capture.cast<std::shared_ptr<Calibrated>>()
+      py::isinstance<Calibration>(capture)
+          ? capture.cast<std::shared_ptr<Calibration>>()
           : CalibrateCapture({capture, structure, model, options, progress, keywords});
-  checked->now = checked->result->MakeExtrinsics();
+  checked->now = MakeExtrinsics(*checked->result);
   MovementOptions movement;
   movement.false_alarm = false_alarm;
   movement.moved = std::move(moved);

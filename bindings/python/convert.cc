@@ -85,8 +85,8 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
   const ColourCameras cameras = CamerasOf(colour_cameras);
   WorldChoice choice = ChoiceOf(origin, up, camera, poses_for, frame);
   std::vector<SensorPose> poses;
-  if (py::isinstance<Calibrated>(source)) {
-    const Extrinsics extrinsics = source.cast<const Calibrated&>().MakeExtrinsics();
+  if (py::isinstance<Calibration>(source)) {
+    const Extrinsics extrinsics = MakeExtrinsics(source.cast<const Calibration&>());
     poses = PosesOf(extrinsics);
     choice.floor_m = extrinsics.structure.floor_m;
     choice.world = extrinsics.world;

@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kDegrees = 180 / M_PI;
 
-using Whole = std::shared_ptr<Calibrated>;
+using Whole = std::shared_ptr<Calibration>;
 using SensorPart = std::shared_ptr<FrameResult>;
 using CapturePart = std::shared_ptr<CaptureResult>;
 
@@ -173,27 +173,21 @@ void AddStack(py::module_& module) {
       .def_property_readonly("boxes", [](const CaptureResult& s) { return BoxesOf(s); });
 }
 
-py::object ToDict(const Calibrated& calibrated) {
-  return FromJson(ExtrinsicsJson(calibrated.MakeExtrinsics(), "to_dict").dump());
+py::object ToDict(const Calibration& calibrated) {
+  return FromJson(ExtrinsicsJson(MakeExtrinsics(calibrated), "to_dict").dump());
 }
 
-void Save(const Calibrated& c, const Path& folder, bool report) {
+void Save(const Calibration& c, const Path& folder, bool report) {
   const std::string path = PathOf(folder);
   std::optional<ReportRun> run;
   if (report) run = ReportRun{PythonCommand(), c.options};
-  RunWork(py::none(), [&](const Tell&) {
-    const ResultFolder written(path);
-    WriteFileAtomically(written.draft() / "options.yaml", c.options);
-    WriteCalibration(written, c.result, c.captures, c.structure, c.source, run);
-  });
+  RunWork(py::none(), [&](const Tell&) { WriteCalibration(ResultFolder(path), c, run); });
 }
 
-void SaveReport(const Calibrated& c, const Path& file) {
+void SaveReport(const Calibration& c, const Path& file) {
   const std::string path = PathOf(file);
   const ReportRun run{PythonCommand(), c.options};
-  RunWork(py::none(), [&](const Tell&) {
-    WriteReportPage(path, c.result, c.captures, c.structure, c.source, run);
-  });
+  RunWork(py::none(), [&](const Tell&) { WriteReportPage(path, c, run); });
 }
 
 }  // namespace
@@ -201,28 +195,28 @@ void SaveReport(const Calibrated& c, const Path& file) {
 void AddResult(py::module_& module) {
   AddSensor(module);
   AddStack(module);
-  py::class_<Calibrated, Whole>(module, "Result", "A calibration; str() is the program's report.")
+  py::class_<Calibration, Whole>(module, "Result", "A calibration; str() is the program's report.")
       .def_property_readonly(
           "sensors", [](const Whole& c) { return PartsByName(c, c->result.sensors); },
           "SensorResult by name.")
       .def_property_readonly(
-          "verdict", [](const Calibrated& c) { return c.result.verdict(); },
+          "verdict", [](const Calibration& c) { return c.result.verdict(); },
           "The worst status of a sensor; with findings, \"weak\" at best.")
       .def_property_readonly(
-          "findings", [](const Calibrated& c) { return c.result.findings; },
+          "findings", [](const Calibration& c) { return c.result.findings; },
           "List of Finding, the likeliest cause first; empty: nothing makes the whole doubtful.")
       .def_property_readonly(
-          "placed", [](const Calibrated& c) { return c.result.placed(); },
+          "placed", [](const Calibration& c) { return c.result.placed(); },
           "How many sensors have a pose.")
-      .def_property_readonly("pairs", [](const Calibrated& c) { return c.result.pairs; })
+      .def_property_readonly("pairs", [](const Calibration& c) { return c.result.pairs; })
       .def_property_readonly(
-          "boxes", [](const Calibrated& c) { return BoxesOf(c.result); }, "BoxResult by name.")
+          "boxes", [](const Calibration& c) { return BoxesOf(c.result); }, "BoxResult by name.")
       .def_property_readonly(
-          "size_scale", [](const Calibrated& c) { return c.result.size_scale; },
+          "size_scale", [](const Calibration& c) { return c.result.size_scale; },
           "Factor on the size of all boxes.")
-      .def_readonly("structure", &Calibrated::structure, "As described.")
+      .def_readonly("structure", &Calibration::structure, "As described.")
       .def_property_readonly(
-          "built", [](const Calibrated& c) { return c.result.built; },
+          "built", [](const Calibration& c) { return c.result.built; },
           "The structure with its boxes where the capture shows them.")
       .def_property_readonly(
           "stills",
@@ -233,18 +227,18 @@ void AddResult(py::module_& module) {
           },
           "StillResult of each of several captures; empty of a single one.")
       .def_property_readonly(
-          "settled", [](const Calibrated& c) { return c.result.solve.settled; },
+          "settled", [](const Calibration& c) { return c.result.solve.settled; },
           "Whether the joint solution came to rest.")
       .def_property_readonly(
           "model",
-          [](const Calibrated& c) {
+          [](const Calibration& c) {
             return c.source.model_file.empty() ? std::optional<std::string>()
                                                : std::optional(c.source.model_file);
           },
           "The file of the network that was used; None: geometry alone.")
       .def(
           "set_world",
-          [](Calibrated& c, const Path& path) {
+          [](Calibration& c, const Path& path) {
             c.source.world =
                 FindWorldFrame(ReadWorldObservation(PathOf(path)), c.result, c.structure);
           },
@@ -253,19 +247,19 @@ void AddResult(py::module_& module) {
           "`convert`. Raises ConfigError, DataError, IoError.")
       .def_property_readonly(
           "world_from_structure",
-          [](const Calibrated& c) {
+          [](const Calibration& c) {
             return c.source.world ? std::optional(c.source.world->world_from_structure)
                                   : std::nullopt;
           },
           "(4, 4) float64: where the structure stands in that frame, or None.")
       .def_property(
-          "note", [](const Calibrated& c) { return c.source.note; },
-          [](Calibrated& c, const std::string& note) { c.source.note = note; },
+          "note", [](const Calibration& c) { return c.source.note; },
+          [](Calibration& c, const std::string& note) { c.source.note = note; },
           "Anything to remember of it; stands in what save() and report() write.")
-      .def_readonly("options", &Calibrated::options, "Every option as it was used, YAML.")
+      .def_readonly("options", &Calibration::options, "Every option as it was used, YAML.")
       .def_property_readonly(
           "timings_s",
-          [](const Calibrated& c) {
+          [](const Calibration& c) {
             py::dict timings;
             for (const auto& [stage, seconds] : c.result.timings_s)
               timings[py::str(stage)] = seconds;
@@ -278,8 +272,8 @@ void AddResult(py::module_& module) {
            "labels, confidence, pictures, clouds and, with `report`, report.html and rig.glb. "
            "Raises IoError.")
       .def("report", &SaveReport, py::arg("path"), "Writes report.html alone. Raises IoError.")
-      .def("__str__", [](const Calibrated& c) { return FormatReport(c.result); })
-      .def("__repr__", [](const Calibrated& c) {
+      .def("__str__", [](const Calibration& c) { return FormatReport(c.result); })
+      .def("__repr__", [](const Calibration& c) {
         return fmt::format("<Result {}: {} of {} sensors placed>", ToString(c.result.verdict()),
                            c.result.placed(), c.result.sensors.size());
       });

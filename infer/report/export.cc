@@ -154,9 +154,12 @@ void WriteReport(const std::filesystem::path& folder, const std::vector<CaptureF
                       ReportPage(ReportPayload(extrinsics, captures, rig, run)));
 }
 
-std::vector<CaptureFiles> NameCaptures(const CalibrationResult& result, const Structure& structure,
-                                       const std::optional<WorldFrame>& world) {
-  const auto built = [&](const Structure& of) { return of.boxes().empty() ? &structure : &of; };
+std::vector<CaptureFiles> NameCaptures(const Calibration& calibration) {
+  const CalibrationResult& result = calibration.result;
+  const std::optional<WorldFrame>& world = calibration.source.world;
+  const auto built = [&](const Structure& of) {
+    return of.boxes().empty() ? &calibration.structure : &of;
+  };
   if (result.captures.empty()) return {{"", &result.sensors, built(result.built), &world}};
   std::vector<CaptureFiles> captures;
   for (const CaptureResult& capture : result.captures) {
@@ -229,10 +232,29 @@ std::set<std::filesystem::path> OutdatedFiles(const std::filesystem::path& folde
 
 }  // namespace
 
-void WriteReportPage(const std::filesystem::path& path, const CalibrationResult& result,
-                     const std::vector<Capture>& captures, const Structure& structure,
-                     const ExtrinsicsSource& source, const ReportRun& run) {
-  const std::vector<CaptureFiles> files = NameCaptures(result, structure, source.world);
+Calibration CalibrateFiles(std::vector<Capture> captures, std::vector<std::string> files,
+                           const Structure& structure, NetworkSegmenter* network,
+                           const CalibrateOptions& options, const CalibrateProgress& progress) {
+  Calibration out{std::move(captures), structure, {}, {}, WriteConfig(options)};
+  out.source.captures = std::move(files);
+  if (network) {
+    out.source.model_file = network->file();
+    out.source.model_sha256 = network->sha256();
+    out.source.model_runtime = network->runtime();
+  }
+  out.result = Calibrate(out.captures, structure, network, options, progress);
+  return out;
+}
+
+Extrinsics MakeExtrinsics(const Calibration& calibration) {
+  return MakeExtrinsics(calibration.result, calibration.captures, calibration.structure,
+                        calibration.source);
+}
+
+void WriteReportPage(const std::filesystem::path& path, const Calibration& calibration,
+                     const ReportRun& run) {
+  const CalibrationResult& result = calibration.result;
+  const std::vector<CaptureFiles> files = NameCaptures(calibration);
   const std::size_t points = ReportPointsAFrame(files);
   std::vector<ReportCapture> shown;
   for (const CaptureFiles& capture : files) {
@@ -246,23 +268,22 @@ void WriteReportPage(const std::filesystem::path& path, const CalibrationResult&
     });
     shown.push_back({capture.name, *capture.built, std::move(frames)});
   }
-  const Extrinsics extrinsics = MakeExtrinsics(result, captures, structure, source);
-  WriteFileAtomically(path,
-                      ReportPage(ReportPayload(extrinsics, shown, RigOf(result, files), run)));
+  WriteFileAtomically(path, ReportPage(ReportPayload(MakeExtrinsics(calibration), shown,
+                                                     RigOf(result, files), run)));
 }
 
-void WriteCalibration(const ResultFolder& folder, const CalibrationResult& result,
-                      const std::vector<Capture>& captures, const Structure& structure,
-                      const ExtrinsicsSource& source, const std::optional<ReportRun>& report) {
-  const std::vector<CaptureFiles> files = NameCaptures(result, structure, source.world);
+void WriteCalibration(const ResultFolder& folder, const Calibration& calibration,
+                      const std::optional<ReportRun>& report) {
+  WriteFileAtomically(folder.draft() / "options.yaml", calibration.options);
+  const std::vector<CaptureFiles> files = NameCaptures(calibration);
   const std::size_t points = report ? ReportPointsAFrame(files) : 0;
   std::vector<std::vector<FrameFiles>> written;
   for (const CaptureFiles& capture : files)
     written.push_back(WriteCapture(folder.draft(), capture, points));
-  const Extrinsics extrinsics = MakeExtrinsics(result, captures, structure, source);
+  const Extrinsics extrinsics = MakeExtrinsics(calibration);
   if (report)
-    WriteReport(folder.draft(), files, std::move(written), extrinsics, RigOf(result, files),
-                *report);
+    WriteReport(folder.draft(), files, std::move(written), extrinsics,
+                RigOf(calibration.result, files), *report);
   WriteExtrinsics(folder.draft() / kExtrinsicsFile, extrinsics);
   folder.Publish(kExtrinsicsFile, OutdatedFiles(folder.dir(), files, report.has_value()));
 }

@@ -55,8 +55,11 @@ struct Written {
     StoredSegmenter segmenter = rig.PerfectSegmenter();
     result = Calibrate(rig.frames, rig.structure, segmenter);
     result.sensors[1].together = RingPose(76);
-    WriteCalibration(ResultFolder(folder.path()), result, {{"", rig.frames}}, rig.structure, source,
-                     report_run);
+    WriteCalibration(ResultFolder(folder.path()), With(source), report_run);
+  }
+
+  Calibration With(const ExtrinsicsSource& of) const {
+    return {{{"", rig.frames}}, rig.structure, result, of, "threads: 2\n"};
   }
 
   Rig rig{PaperStructure(), {}, {}};
@@ -398,8 +401,7 @@ TEST_F(ExportTest, ReportShowsWhatTheFilesHave) {
   EXPECT_EQ(ReadFile(folder_ / "rig.glb").substr(0, 4), "glTF");
   // Alone, it is the same page.
   const TempFolder alone;
-  WriteReportPage(alone / "page.html", result_, {{"", rig_.frames}}, rig_.structure, Once().source,
-                  Once().report_run);
+  WriteReportPage(alone / "page.html", Once().With(Once().source), Once().report_run);
   EXPECT_TRUE(ReadFile(alone / "page.html") == ReadFile(folder_ / "report.html"));
 }
 
@@ -471,8 +473,7 @@ TEST_F(ExportTest, PosesAndCloudsAreInTheWorldOfTheUser) {
   source.world->covariance.setIdentity();
   const Pose& world = source.world->world_from_structure;
   const TempFolder folder;
-  WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure,
-                   source, std::nullopt);
+  WriteCalibration(ResultFolder(folder.path()), Once().With(source));
   const Extrinsics read = ReadExtrinsics(folder / "extrinsics.json");
   EXPECT_EQ(read.world->name, "robot");
   const Extrinsics::Sensor& left = Named("left", read);
@@ -539,19 +540,24 @@ TEST_F(ExportTest, EachOfSeveralCapturesHasFoldersOfItsOwn) {
   const Pose placement = MakePose({0, 0.5, 0}, {1, 0, 0});
   const CalibrationResult both = WithSecondCapture(result_, placement);
   const TempFolder folder;
-  WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure, {});
+  WriteCalibration(ResultFolder(folder.path()), Once().With({}));
   // What others put there stays: also what is named like a file of a sensor but is none.
   WriteFileAtomically(folder / "clouds/mine.ply", "x");
   const std::set<std::string> of_one = Files(folder.path());
   EXPECT_EQ(of_one.count("clouds/right.ply") + of_one.count("clouds/merged.ply"), 2u);
-  WriteCalibration(ResultFolder(folder.path()), both,
-                   {{"before", rig_.frames}, {"after", rig_.frames}}, rig_.structure,
-                   {{"a/before.json", "b/after.json"}, "", "", "", UtcNow(), ""}, ReportRun());
+  WriteCalibration(ResultFolder(folder.path()),
+                   {{{"before", rig_.frames}, {"after", rig_.frames}},
+                    rig_.structure,
+                    both,
+                    {{"a/before.json", "b/after.json"}, "", "", "", UtcNow(), ""},
+                    ""},
+                   ReportRun());
   const auto captures = PayloadOf(ReadFile(folder / "report.html"))["stills"];
   ASSERT_EQ(captures.size(), 2u);
   EXPECT_EQ(captures[1]["name"], "after");
   EXPECT_FALSE(captures[1]["frames"][1].contains("cloud"));  // right, which is not placed there
   std::set<std::string> expected = {"extrinsics.json",
+                                    "options.yaml",
                                     "report.html",
                                     "rig.glb",
                                     "clouds/before/left.ply",
@@ -597,7 +603,7 @@ TEST_F(ExportTest, EachOfSeveralCapturesHasFoldersOfItsOwn) {
   EXPECT_TRUE(Has(report, "in after: the stack stood +1.000 m along x",
                   "by left; right failed (degenerate_sides)"));
 
-  WriteCalibration(ResultFolder(folder.path()), result_, {{"", rig_.frames}}, rig_.structure, {});
+  WriteCalibration(ResultFolder(folder.path()), Once().With({}));
   EXPECT_EQ(Files(folder.path()), of_one) << "without a report, and none of the second capture";
 }
 
@@ -615,8 +621,7 @@ TEST_F(ExportTest, NothingOfOthersIsRemoved) {
     WriteFileAtomically(folder / "mine.ply", "x");
     WriteFileAtomically(folder / "mine.png", "x");
     WriteFileAtomically(folder / "out/clouds/mine.ply", "x");
-    WriteCalibration(ResultFolder(folder / "out"), result_, {{"", rig_.frames}}, rig_.structure,
-                     {});
+    WriteCalibration(ResultFolder(folder / "out"), Once().With({}));
     for (const char* file : {"mine.ply", "mine.png", "out/clouds/mine.ply"})
       EXPECT_TRUE(std::filesystem::exists(folder / file)) << file << " " << text.substr(0, 60);
     EXPECT_EQ(ReadExtrinsics(folder / "out/extrinsics.json").sensors.size(), 3u);
