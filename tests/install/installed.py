@@ -186,11 +186,12 @@ class Libraries(InAPrefix):
         run = lambda command, *statuses: self.run_in_work(os.path.join(folder, "own_program"), *command.split(), statuses=statuses or (0,))
         run(f"train --config {source}/recipe.yaml -o run --set run.samples=32")
         recipe = text_of(os.path.join(self.work, "run", "config.yaml"))
-        for word in ('kind: "dilated"', 'models: ["paper", "quadratic"]', 'terms: ["dice"]'):
+        for word in ('kind: "dilated"', 'models: ["paper", "quadratic"]', 'terms: ["dice"]', 'optimizer: "lion"'):
             self.assertIn(word, recipe)
         run(f"train --config {source}/recipe.yaml -o run --resume")
-        for row in text_of(os.path.join(self.work, "run", "metrics.jsonl")).splitlines():
-            self.assertGreater(json.loads(row)["loss_dice"], 0)
+        rows = [json.loads(row) for row in text_of(os.path.join(self.work, "run", "metrics.jsonl")).splitlines()]
+        self.assertTrue(all(row["loss_dice"] > 0 for row in rows))
+        self.assertTrue(all(0 < row["accuracy"] < 1 for row in rows if row["type"] == "validation"))
         self.assertIn("64", run("validate --model run/model.safetensors --samples 8"))
         run("render --rig configs/rig_ring4.yaml -o own")
         # So short a training need not place every sensor.
