@@ -93,7 +93,7 @@ TEST(FindKeypoints, ArePlainMeansOfTheSidesPoints) {
 TEST(RegisterMetric, IsMeasuredInEveryValidation) {
   int asked = 0;
   RegisterMetric("missed", [&](const MetricInput& input) {
-    EXPECT_EQ(input.log_probs.sizes(), (std::vector<std::int64_t>{21, 72, 80}));
+    EXPECT_EQ(input.log_probs.sizes(), (std::vector<std::int64_t>{21, 32, 32}));
     EXPECT_EQ(input.predicted.size(), input.labels.size());
     return asked++ % 2 == 0 ? 0.25 : std::nan("");
   });
