@@ -97,7 +97,7 @@ int RunDoctor(const std::string& model, const TableOutput& output) {
       {"libraries", Libraries},
       {"compiler", [] { return fmt::format("{}, C++{}", __VERSION__, __cplusplus / 100 % 100); }},
       {"processor", ProcessorText},
-      {"renderer", [] { return ChooseRenderers("egl").description; }},
+      {"renderer", [] { return ChooseRenderers(RendererKind::kEgl).description; }},
       {"GPU", GpuText},
       {"data folder", DataText},
       {"structure", StructureText},
@@ -125,7 +125,7 @@ int RunDoctor(const std::string& model, const TableOutput& output) {
 std::string VersionText() {
   std::string renderer;
   try {
-    renderer = ChooseRenderers("auto").description;
+    renderer = ChooseRenderers(RendererKind::kAuto).description;
   } catch (const Error& error) {
     renderer = error.what();
   }

@@ -36,7 +36,7 @@ struct EvaluateOptions {
   std::string output, config, seeds, compare;
   std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
-  std::string renderer = "egl";
+  std::string renderer = ToString(RendererKind::kEgl);
   int egl_device = -1;
   std::string suite, suite_config = "configs/paper/suite.yaml";
   int workers = 1, max_captures = 0;
@@ -97,7 +97,7 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
                 "angle more");
   app->add_option("--renderer", options->renderer,
                   "egl, cpu or auto; see data.renderer (docs/config.md)")
-      ->check(CLI::IsMember({"egl", "cpu", "auto"}))
+      ->check(CLI::IsMember(WordsOfAll<RendererKind>()))
       ->capture_default_str();
   app->add_option("--egl-device", options->egl_device,
                   "EGL device to use. Without it: the first that works, or software");
@@ -109,6 +109,12 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
                   "folder for evaluation.json, of which what a killed run left is not done again, "
                   "or for the suite's tables")
       ->required();
+}
+
+Renderers ChosenRenderers(const EvaluateOptions& options) {
+  RendererKind renderer{};
+  FromWord(options.renderer, &renderer);
+  return ChooseRenderers(renderer, {options.egl_device});
 }
 
 EvaluateRun RunOf(const EvaluateOptions& options, ProgressLine* line) {
@@ -157,9 +163,7 @@ int RunPaperSuite(const EvaluateOptions& options) {
   SuiteRun run;
   run.output = options.output;
   run.workers = options.workers;
-  run.make_renderer = [&options] {
-    return ChooseRenderers(options.renderer, {options.egl_device}).make();
-  };
+  run.make_renderer = [&options] { return ChosenRenderers(options).make(); };
   run.max_captures = options.max_captures;
   ProgressLine line;
   run.progress = [&line](const std::string& text) { line.Say(text); };
@@ -201,7 +205,7 @@ int RunEvaluate(const EvaluateOptions& options) {
   std::unique_ptr<DepthRenderer> renderer;
   std::vector<EvaluationItem> items;
   if (!rigs.empty()) {
-    const Renderers chosen = ChooseRenderers(options.renderer, {options.egl_device});
+    const Renderers chosen = ChosenRenderers(options);
     fmt::print(stderr, "renderer: {}\n", chosen.description);
     renderer = chosen.make();
     items = RigItems(rigs, series, renderer.get());

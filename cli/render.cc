@@ -70,7 +70,7 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
   app->add_option("--renderer", options->renderer,
                   "egl, cpu or auto; see data.renderer (docs/config.md). Without it: that of the "
                   "recipe, and egl for a rig")
-      ->check(CLI::IsMember({"egl", "cpu", "auto"}));
+      ->check(CLI::IsMember(WordsOfAll<RendererKind>()));
   app->add_option("--egl-device", options->egl_device,
                   "EGL device to use. Without it: the first that works, or software");
   options->table.AddOptions(app);
@@ -183,13 +183,14 @@ int RunRender(const RenderOptions& options) {
   KeepFreedMemory();
   const ConfigSource source =
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
-  const auto choose = [&](const std::string& renderer) {
+  const auto choose = [&](RendererKind renderer) {
+    FromWord(options.renderer, &renderer);
     Renderers chosen = ChooseRenderers(renderer, {options.egl_device});
     options.table.Say("renderer: " + chosen.description);
     return chosen;
   };
   if (!options.rig.empty()) {
-    RenderRigTurns(options, source, choose(options.renderer.empty() ? "egl" : options.renderer));
+    RenderRigTurns(options, source, choose(RendererKind::kEgl));
     return 0;
   }
   TrainConfig recipe = ReadTrainConfig(source);
@@ -197,9 +198,8 @@ int RunRender(const RenderOptions& options) {
       std::filesystem::path(FindInputFile(options.config)).parent_path();
   for (const std::string& sentence : UseKeptInputs(folder, &recipe.data))
     options.table.Say(sentence);
-  const Renderers chosen =
-      choose(options.renderer.empty() ? recipe.data.renderer : options.renderer);
-  recipe.data.renderer = chosen.name;
+  const Renderers chosen = choose(recipe.data.renderer);
+  recipe.data.renderer = chosen.kind;
   const std::uint64_t seed = options.seed.value_or(static_cast<std::uint64_t>(recipe.run.seed));
   RenderDataset(options, recipe, seed, chosen.make);
   SaveCommand(options.output, {{"recipe", WriteConfig(recipe)}});

@@ -78,6 +78,13 @@ struct NoiseConfig {
   }
 };
 
+/// Renderers of depth images. ChooseRenderers decides kAuto.
+enum class RendererKind { kEgl, kCpu, kAuto };
+constexpr Words<RendererKind, 3> WordsOf(RendererKind) {
+  return {
+      {{"egl", RendererKind::kEgl}, {"cpu", RendererKind::kCpu}, {"auto", RendererKind::kAuto}}};
+}
+
 /// Everything that decides a sample, except seed and index.
 struct SampleConfig {
   std::string structure = "configs/structure.yaml";
@@ -88,7 +95,7 @@ struct SampleConfig {
   SampleSceneConfig scene;
   AssemblyConfig assembly;
   NoiseConfig noise;
-  std::string renderer = "egl";
+  RendererKind renderer = RendererKind::kEgl;
 
   template <class Archive>
   void Describe(Archive& ar) {
@@ -107,8 +114,7 @@ struct SampleConfig {
     ar("noise", noise, "sensor noise");
     ar("renderer", renderer,
        "egl (OpenGL), cpu (without a driver), or auto. Auto is cpu if OpenGL is software or "
-       "missing, or if training is on CUDA. A run's config.yaml has the choice",
-       OneOf({"egl", "cpu", "auto"}));
+       "missing, or if training is on CUDA. A run's config.yaml has the choice");
   }
 };
 

@@ -267,7 +267,7 @@ TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice
   RendererFactory make;
   if (!training || (!validation && !held && config.run.validation_samples > 0)) {
     Renderers renderers = RendererOf(config, training != nullptr);
-    data.renderer = std::move(renderers.name);
+    data.renderer = renderers.kind;
     data.drawn_by = std::move(renderers.description);
     make = std::move(renderers.make);
   }

@@ -22,9 +22,8 @@ struct TrainingData {
   /// their calibrations. A run resumes only with the same. Empty if samples depend only on
   /// configuration and seed.
   std::string identity;
-  /// `drawn_by`: the program that draws the samples, for people; empty if all are read. `renderer`:
-  /// data.renderer with `auto` decided.
-  std::string drawn_by, renderer;
+  std::string drawn_by;  ///< program that draws the samples, for people; empty if all are read
+  RendererKind renderer = RendererKind::kEgl;  ///< data.renderer with `auto` decided
   /// Opens the run's samples from number `first_sample` on, a multiple of the batch size. Only this
   /// process's slice of each batch.
   std::function<SampleSource(std::int64_t first_sample)> open_training;

@@ -10,25 +10,22 @@ namespace {
 
 Renderers Tiles(const std::string& why) {
   const std::string reason = why.empty() ? "" : fmt::format(" (auto: {})", why);
-  return {"cpu",
+  return {RendererKind::kCpu,
           fmt::format("cpu, tiles on the processor, {}{}", tiles::AllKernels().Best().name, reason),
           TileRenderers()};
 }
 
 }  // namespace
 
-Renderers ChooseRenderers(const std::string& renderer, const EglContextOptions& options,
+Renderers ChooseRenderers(RendererKind renderer, const EglContextOptions& options,
                           bool cuda_trains) {
-  if (renderer == "cpu") return Tiles("");
-  const bool is_auto = renderer == "auto";
-  if (!is_auto && renderer != "egl") {
-    throw Error(fmt::format("renderer = {} violates renderer in {{egl, cpu, auto}}", renderer));
-  }
+  if (renderer == RendererKind::kCpu) return Tiles("");
+  const bool is_auto = renderer == RendererKind::kAuto;
   if (is_auto && cuda_trains) return Tiles("training has the GPU");
   try {
     const EglContext egl(options);
     if (is_auto && egl.IsSoftware()) return Tiles("OpenGL is software");
-    return {"egl", "egl, " + egl.Describe(), GlRenderers(options)};
+    return {RendererKind::kEgl, "egl, " + egl.Describe(), GlRenderers(options)};
   } catch (const IoError&) {
     if (!is_auto) throw;
     return Tiles("no OpenGL");

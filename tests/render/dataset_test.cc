@@ -196,7 +196,7 @@ TEST(Dataset, RefusesToMixSamples) {
   refused(Context(config), Options(5),
           {folder.path().string(), "data.noise.models = paper (dataset: sensor)"});
   config = SmallConfig();
-  config.renderer = "cpu";
+  config.renderer = RendererKind::kCpu;
   EXPECT_TRUE(DifferencesFrom(Dataset(folder.path()).header(), *Context(config)).empty());
   DatasetOptions options = Options(5);
   options.seed = 4;

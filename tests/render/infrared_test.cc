@@ -53,7 +53,7 @@ class Infrared : public testing::Test {
   Intrinsics intrinsics_;
   Pose pose_;
   InfraredConfig plain_;
-  const std::unique_ptr<DepthRenderer> renderer_ = ChooseRenderers("cpu").make();
+  const std::unique_ptr<DepthRenderer> renderer_ = ChooseRenderers(RendererKind::kCpu).make();
 };
 
 TEST_F(Infrared, PrintsReflectTheirShareWhereTheirCellsAre) {

@@ -343,7 +343,7 @@ class Boards : public testing::Test {
   Structure structure_ = ReadStructure("configs/structure.yaml");
   RayTable rays_ = ComputeRays(Pinhole());
   Pose pose_ = LookAt({1.5, 0.5, 1.2}, {0, 0, 0}, 0);
-  const std::unique_ptr<DepthRenderer> renderer_ = ChooseRenderers("cpu").make();
+  const std::unique_ptr<DepthRenderer> renderer_ = ChooseRenderers(RendererKind::kCpu).make();
 };
 
 TEST_F(Boards, HideTheShareThatLiesFarthestToTheirSide) {

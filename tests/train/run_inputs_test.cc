@@ -171,7 +171,7 @@ TEST_F(Resumed, SaysThatItBeginsBeforeItWritesTheRecipe) {
 TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStack) {
   LoadedModel model = LoadCheckpoint(run_ / "model.safetensors");
   config_.data.image_sizes = {"64x36"};
-  config_.data.renderer = "cpu";
+  config_.data.renderer = RendererKind::kCpu;
   config_.run.batch_size = 1;
   const ValidationResult own = ValidateCheckpoint(model, config_, 1);
   folder_.Write("stack.yaml", longer_);

@@ -22,8 +22,9 @@ namespace {
 TEST(EglContext, MesaCallsItsOwnLlvm) {
   ASSERT_EQ(::dlsym(RTLD_DEFAULT, "LLVMAddSymbol"), reinterpret_cast<void*>(&LLVMAddSymbol));
   RenderedView view;
-  ChooseRenderers("egl").make()->Render(SceneMesh(), {8, 4, 5, 5, 3.5, 1.5, {}}, Pose::Identity(),
-                                        &view);
+  ChooseRenderers(RendererKind::kEgl)
+      .make()
+      ->Render(SceneMesh(), {8, 4, 5, 5, 3.5, 1.5, {}}, Pose::Identity(), &view);
   EXPECT_EQ(view.depth.width(), 8);
 }
 

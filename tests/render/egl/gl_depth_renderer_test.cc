@@ -341,18 +341,19 @@ TEST_P(DepthRendererTest, DrawsMeshesAsRaysMeetThem) {
 }
 
 TEST(ChooseRenderersTest, DecidesAuto) {
-  EXPECT_EQ(ChooseRenderers("egl").name, "egl");
-  EXPECT_EQ(ChooseRenderers("cpu").name, "cpu");
-  EXPECT_EQ(ChooseRenderers("auto").name, EglContext().IsSoftware() ? "cpu" : "egl");
-  EXPECT_EQ(ChooseRenderers("auto", {}, /*cuda_trains=*/true).name, "cpu");
-  EXPECT_TRUE(Has(ChooseRenderers("auto", {}, true).description, "GPU"));
-  EXPECT_THROW(ChooseRenderers("gl"), Error);
+  constexpr RendererKind kEgl = RendererKind::kEgl, kCpu = RendererKind::kCpu,
+                         kAuto = RendererKind::kAuto;
+  EXPECT_EQ(ChooseRenderers(kEgl).kind, kEgl);
+  EXPECT_EQ(ChooseRenderers(kCpu).kind, kCpu);
+  EXPECT_EQ(ChooseRenderers(kAuto).kind, EglContext().IsSoftware() ? kCpu : kEgl);
+  EXPECT_EQ(ChooseRenderers(kAuto, {}, /*cuda_trains=*/true).kind, kCpu);
+  EXPECT_TRUE(Has(ChooseRenderers(kAuto, {}, true).description, "GPU"));
 }
 
 TEST(ChooseRenderersTest, AutoDoesWithoutOpenGl) {
   const EglContextOptions none{/*device=*/1000};
-  EXPECT_EQ(ChooseRenderers("auto", none).name, "cpu");
-  EXPECT_THROW(ChooseRenderers("egl", none), IoError);
+  EXPECT_EQ(ChooseRenderers(RendererKind::kAuto, none).kind, RendererKind::kCpu);
+  EXPECT_THROW(ChooseRenderers(RendererKind::kEgl, none), IoError);
 }
 
 /// Training samples of furnished rooms: of every sensor of the pool, with its lens.
