@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -45,11 +44,14 @@ ValidatedModel ValidateModel(const std::string& file, const ValidateOptions& opt
   source.Set("run.threads=0");  // those of the training are another machine's
   for (const std::string& assignment : options.assignments) source.Set(assignment);
   TrainConfig config = ReadTrainConfig(source);
-  const auto asked = [&](const std::string& key) {
-    return !options.config.empty() ||
-           std::any_of(options.assignments.begin(), options.assignments.end(),
-                       [&](const std::string& set) { return set.rfind(key + "=", 0) == 0; });
+  const ConfigSource changes = ReadSource("", options.assignments);
+  const auto asked = [&](const char* key) {
+    return !options.config.empty() || changes.Find(key) != nullptr;
   };
+  // Without a name, data.sensors stands for all sensors of the file.
+  if (asked("data.intrinsics") || (asked("data.sensors") && config.data.sensors.empty()))
+    model.meta.intrinsics.clear();
+  // The run's file is for older checkpoints, and for sensors that the training did not have.
   const std::filesystem::path folder = std::filesystem::path(file).parent_path();
   if (const std::string kept = KeptIntrinsics(folder);
       !kept.empty() && std::filesystem::exists(folder / "config.yaml") && !asked("data.intrinsics"))

@@ -105,7 +105,8 @@ std::vector<IntrinsicsPoolEntry> EntriesOf(const std::vector<std::string>& senso
 }
 
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
-                                const Structure* structure) {
+                                const Structure* structure,
+                                const std::vector<IntrinsicsPoolEntry>* intrinsics) {
   if (batch_size < 1) {
     throw ConfigError(fmt::format("batch size {} violates batch size >= 1", batch_size));
   }
@@ -114,9 +115,10 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
   context.config = config;
   context.batch_size = batch_size;
   if (structure == nullptr) RequireInputFile("data.structure", config.structure);
-  RequireInputFile("data.intrinsics", config.intrinsics);
+  if (intrinsics == nullptr) RequireInputFile("data.intrinsics", config.intrinsics);
   context.structure = structure != nullptr ? *structure : ReadStructure(config.structure);
-  const std::vector<IntrinsicsPoolEntry> pool = ReadIntrinsicsPool(config.intrinsics);
+  const std::vector<IntrinsicsPoolEntry> pool =
+      intrinsics != nullptr ? *intrinsics : ReadIntrinsicsPool(config.intrinsics);
   std::vector<std::string> names;
   for (const IntrinsicsPoolEntry& entry : pool) {
     if (std::find(names.begin(), names.end(), entry.sensor) == names.end()) {

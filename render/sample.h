@@ -48,11 +48,12 @@ struct SampleContext {
 std::vector<IntrinsicsPoolEntry> EntriesOf(const std::vector<std::string>& sensors,
                                            const std::vector<IntrinsicsPoolEntry>& pool);
 
-/// Reads the pool and, if `structure` is not given, config.structure. Throws ConfigError for an
-/// unknown sensor, an image size without a sensor of its aspect ratio, and a sensor without an
-/// image size of its own. Throws IoError or DataError.
+/// Reads config.structure unless `structure` is given, and config.intrinsics unless `intrinsics`
+/// are. Throws ConfigError for an unknown sensor, an image size without a sensor of its aspect
+/// ratio, and a sensor without an image size of its own. Throws IoError or DataError.
 SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
-                                const Structure* structure = nullptr);
+                                const Structure* structure = nullptr,
+                                const std::vector<IntrinsicsPoolEntry>* intrinsics = nullptr);
 
 /// Draws structure_from_sensor as the paper does (Results, "Implementation details"). The position
 /// is (rho cos phi, y, rho sin phi), with phi uniform or around one of config.phi_deg. The look-at

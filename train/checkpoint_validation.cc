@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -17,11 +18,25 @@
 
 namespace volalign {
 
+namespace {
+
+/// The intrinsics of the model's training, if it had all these sensors; else null.
+const std::vector<IntrinsicsPoolEntry>* TrainedIntrinsics(const CheckpointMeta& meta,
+                                                          const std::vector<std::string>& sensors) {
+  const std::vector<IntrinsicsPoolEntry>& own = meta.intrinsics;
+  const bool has_all = std::all_of(sensors.begin(), sensors.end(), [&](const auto& sensor) {
+    return std::any_of(own.begin(), own.end(), [&](const auto& e) { return e.sensor == sensor; });
+  });
+  return own.empty() || !has_all ? nullptr : &own;
+}
+
+}  // namespace
+
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
                                     const CountDone& count, const Structure* structure) {
-  const auto context = std::make_shared<const SampleContext>(
-      MakeSampleContext(config.data, config.run.batch_size,
-                        structure != nullptr ? structure : &model.meta.structure));
+  const auto context = std::make_shared<const SampleContext>(MakeSampleContext(
+      config.data, config.run.batch_size, structure != nullptr ? structure : &model.meta.structure,
+      TrainedIntrinsics(model.meta, config.data.sensors)));
   CheckStructure(model.meta, context->structure);
   const Compute compute = ChooseCompute(config.run);
   model.net->to(compute.device);

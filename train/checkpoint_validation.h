@@ -15,7 +15,8 @@ namespace volalign {
 /// `samples` rendered samples (rounded up to whole batches) of config.data, config.run.batch_size
 /// and the seed config.run.validation_seed. If config.data.real.validation has recorded frames,
 /// each of these is scored once instead. The losses are config.loss's. The stack is the model's
-/// own, unless `structure` is given. Throws DataError if that has other labels than the model.
+/// own, unless `structure` is given. Throws DataError if that has other labels than the model. The
+/// intrinsics are the model's own if it has those of each of config.data.sensors.
 /// `count` receives the progress in samples.
 ValidationResult ValidateCheckpoint(LoadedModel& model, const TrainConfig& config, int samples,
                                     const CountDone& count = nullptr,

@@ -204,6 +204,7 @@ void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
   CheckpointMeta meta;
   meta.network = learner.average.net()->options();
   meta.structure = data.structure;
+  meta.intrinsics = data.intrinsics;
   meta.renderer = data.drawn_by;
   meta.focal_px = progress.focal_px;
   meta.image_sizes.assign(progress.image_sizes.begin(), progress.image_sizes.end());

@@ -272,6 +272,7 @@ TrainingData OpenTrainingData(const TrainConfig& config, const BatchSlice& slice
     make = std::move(renderers.make);
   }
   data.structure = context->structure;
+  data.intrinsics = context->pool;
   data.identity = IdentityOf(training.get(), config.data.real, real.get());
   const std::vector<double> rolls = config.data.pose.roll_offsets_deg;
   data.open_training = [training, context, run = config.run, make, slice, real, rolls,

@@ -4,8 +4,10 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "core/base/batch_slice.h"
+#include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
 #include "render/depth_renderer.h"
 #include "train/batch.h"
@@ -18,6 +20,7 @@ class Dataset;
 /// The samples of a run, for training and for validation.
 struct TrainingData {
   Structure structure;
+  std::vector<IntrinsicsPoolEntry> intrinsics;  ///< of the recipe's sensors
   /// Identity of a finite set of samples (DatasetHeader::Identity) and of recorded frames with
   /// their calibrations. A run resumes only with the same. Empty if samples depend only on
   /// configuration and seed.

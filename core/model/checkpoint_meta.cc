@@ -61,6 +61,16 @@ void Describe(Archive& ar, Structure& structure) {
 }
 
 template <class Archive>
+void Describe(Archive& ar, IntrinsicsPoolEntry& entry) {
+  ar("sensor", entry.sensor);
+  ar("intrinsics", entry.intrinsics);
+  if constexpr (Archive::kReading) {
+    if (entry.intrinsics.empty())
+      throw DataError(fmt::format("{}: {} has no intrinsics", ar.where(), entry.sensor));
+  }
+}
+
+template <class Archive>
 void Describe(Archive& ar, CheckpointMeta& meta) {
   ar("tool", meta.tool);
   ar.Optional("date", meta.date);
@@ -71,6 +81,7 @@ void Describe(Archive& ar, CheckpointMeta& meta) {
   ar("focal_px", meta.focal_px);
   ar("image_sizes", meta.image_sizes);
   ar("roll_offsets_deg", meta.roll_offsets_deg);
+  ar.Optional("intrinsics", meta.intrinsics);
   ar("samples", meta.samples);
   ar("config", meta.config_yaml);
 }

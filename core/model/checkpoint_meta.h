@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
 #include "core/model/network_options.h"
 
@@ -17,6 +18,8 @@ struct CheckpointMeta {
   std::pair<double, double> focal_px{0, 0};      ///< least and largest focal length in training, px
   std::vector<std::pair<int, int>> image_sizes;  ///< width, height
   std::vector<double> roll_offsets_deg;          ///< mounting rolls in training (PoseConfig), deg
+  /// Those of the recipe's sensors in training; empty in older files.
+  std::vector<IntrinsicsPoolEntry> intrinsics;
   std::int64_t samples = 0;  ///< number of training samples, including those of run.init
   std::string config_yaml;   ///< the resolved training configuration
   std::string renderer;      ///< program that drew the training samples, for people

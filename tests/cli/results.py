@@ -217,8 +217,9 @@ class Results(WithACapture):
         self.assertTrue(os.path.exists(self.path("run/model.safetensors")))
 
     def test_a_run_holds_what_it_is_trained_on_and_how_each_start_was_called(self):
-        shutil.copy(os.path.join(ROOT, "configs", "structure.yaml"), self.path("stack.yaml"))
-        train = ("train --config configs/m01.yaml --set data.structure=stack.yaml data.image_sizes=[32x18] data.renderer=cpu model.base_channels=1"
+        for source, copy in (("structure", "stack"), ("intrinsics", "pool")):
+            shutil.copy(os.path.join(ROOT, "configs", f"{source}.yaml"), self.path(f"{copy}.yaml"))
+        train = ("train --config configs/m01.yaml --set data.structure=stack.yaml data.intrinsics=pool.yaml data.image_sizes=[32x18] data.renderer=cpu model.base_channels=1"
                  " run.batch_size=2 run.validation_samples=0 run.checkpoint_every=2 -o run")
         killed = self.start(train)
         while not os.path.exists(self.path("run/states/000000000002.state")):
@@ -229,12 +230,18 @@ class Results(WithACapture):
         for kept, source in (("structure", "structure"), ("intrinsics", "intrinsics")):
             self.assertEqual(self.read(f"run/{kept}.yaml"), self.read(ROOT, "configs", f"{source}.yaml"))
         self.assertNotIn("threads: 0", self.read("run/config.yaml"), "how many were chosen")
-        # The stack's file is gone; the run has a copy.
+        # The files are gone; the run has copies.
         os.remove(self.path("stack.yaml"))
-        self.expect(train + " --resume --set run.samples=3000", 0, "stack.yaml is not there")
+        os.remove(self.path("pool.yaml"))
+        self.expect(train + " --resume --set run.samples=3000", 0, "stack.yaml is not there", "pool.yaml is not there")
         self.assertIn("run.samples=3000", self.read("run/command-2.yaml"))
         self.assertNotIn("run.samples=3000", self.read("run/command.yaml"))
-        self.expect("validate --samples 2 --model run/model.safetensors", 0)
+        # The checkpoint has what its recipe's samples need, wherever it lies.
+        shutil.copy(self.path("run/model.safetensors"), self.path("alone.safetensors"))
+        for model in ("run/model", "alone"):
+            self.expect(f"validate --samples 2 --model {model}.safetensors", 0)
+        for asked in ("data.intrinsics=pool.yaml", "'data={intrinsics: pool.yaml}'", "data.sensors=[]"):
+            self.expect_error(f"validate --samples 2 --model alone.safetensors --set {asked}", "pool.yaml")
         # So has another run of the same recipe.
         self.expect("train --config run/config.yaml --set run.samples=2 -o other", 0)
 

@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "core/base/file_util.h"
+#include "core/geometry/camera.h"
 #include "core/geometry/structure.h"
+#include "render/sample.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/core/geometry/mesh_shapes.h"
@@ -128,6 +130,7 @@ class Resumed : public RunInputs {
   TrainResult Train() {
     TrainingData data = SyntheticData(2, 16, 8);
     data.structure = Read();
+    data.intrinsics = EntriesOf(config_.data.sensors, ReadIntrinsicsPool(config_.data.intrinsics));
     return TrainOn(data, config_, options_);
   }
 
@@ -168,7 +171,7 @@ TEST_F(Resumed, SaysThatItBeginsBeforeItWritesTheRecipe) {
   EXPECT_EQ(begun, 1);
 }
 
-TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStack) {
+TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStackAndIntrinsics) {
   LoadedModel model = LoadCheckpoint(run_ / "model.safetensors");
   config_.data.image_sizes = {"64x36"};
   config_.data.renderer = RendererKind::kCpu;
@@ -180,6 +183,14 @@ TEST_F(Resumed, ACheckpointIsValidatedOnItsOwnStack) {
   EXPECT_NE(ValidateCheckpoint(model, config_, 1, nullptr, &longer).means, own.means);
   fs::remove(config_.data.structure);
   EXPECT_EQ(ValidateCheckpoint(model, config_, 1).means, own.means);
+  const std::string wider = Replaced(pool_, "943.5726318359375", "700");
+  folder_.Write("pool.yaml", Replaced(wider, "939.235107421875", "700"));
+  EXPECT_EQ(ValidateCheckpoint(model, config_, 1).means, own.means);
+  config_.data.sensors.push_back("realsense_d435");  // not of the training
+  EXPECT_NO_THROW(ValidateCheckpoint(model, config_, 1));
+  config_.data.sensors.pop_back();
+  model.meta.intrinsics.clear();
+  EXPECT_NE(ValidateCheckpoint(model, config_, 1).means, own.means);
 }
 
 }  // namespace

@@ -36,6 +36,7 @@ class CheckpointTest : public testing::Test {
     meta_.focal_px = {117.9, 126.3};
     meta_.image_sizes = {{160, 144}, {160, 90}};
     meta_.roll_offsets_deg = {90};
+    meta_.intrinsics = {{"realsense_d415", {{1280, 720, 943.5726318359375, 939, 636.6, 353, {}}}}};
     meta_.samples = 4321;
     meta_.config_yaml = "run:\n  samples: 1\n";
     net_ = StructureNet(meta_.network);
@@ -70,6 +71,8 @@ TEST_F(CheckpointTest, RoundTripsNetworkAndMetadata) {
   meta_.libraries = model.meta.libraries;
   EXPECT_EQ(MetaToJson(model.meta), MetaToJson(meta_));
   EXPECT_EQ(model.meta.renderer, "a renderer");
+  EXPECT_EQ(model.meta.intrinsics.at(0).sensor, "realsense_d415");
+  EXPECT_EQ(model.meta.intrinsics[0].intrinsics, meta_.intrinsics[0].intrinsics);
   EXPECT_EQ(model.meta.libraries.rfind("LibTorch ", 0), 0u) << model.meta.libraries;
   EXPECT_FALSE(model.net->is_training());
   c10::NoGradGuard no_grad;
@@ -218,6 +221,9 @@ TEST_F(CheckpointTest, LimitsTheMetadata) {
   nlohmann::ordered_json meta = nlohmann::ordered_json::parse(good.meta);
   meta["structure"]["boxes"][0]["size"] = {2e5, 2e5, 2e5};
   ExpectRefused({good.format, meta.dump(), good.tensors}, "10 mm to 100 m");
+  meta = nlohmann::ordered_json::parse(good.meta);
+  meta["intrinsics"][0]["intrinsics"] = nlohmann::json::array();
+  ExpectRefused({good.format, meta.dump(), good.tensors}, "realsense_d415 has no intrinsics");
   ExpectRefused({good.format, std::string(200000, '[') + std::string(200000, ']'), {}},
                 "64 levels");
 }
