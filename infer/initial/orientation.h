@@ -57,7 +57,7 @@ struct Labelled {
   std::string other_pose;
   std::vector<PoseAlternative> alternatives;  ///< PoseChoice::alternatives
   bool given = false;                         ///< PoseChoice::given
-  bool floor_would_tell = true;  ///< LeavesFloor: a seen floor would refute other_pose
+  bool floor_would_tell = true;               ///< LeavesFloor: a seen floor would refute other_pose
   /// Source of the initial pose; where none was found, the source that was asked last.
   PoseSource source = PoseSource::kNetwork;
 
