@@ -16,27 +16,18 @@ namespace volalign {
 template <class Enum, std::size_t N>
 using Words = std::array<std::pair<const char*, Enum>, N>;
 
-template <class Enum, std::size_t N>
-const char* WordOf(const Words<Enum, N>& words, Enum value) {
+template <class Enum, class = decltype(WordsOf(Enum()))>
+const char* ToString(Enum value) {
+  const auto words = WordsOf(value);
   return std::find_if(words.begin(), words.end(), [&](const auto& w) { return w.second == value; })
       ->first;
 }
 
-template <class Enum, std::size_t N>
-std::vector<Enum> ValuesOf(const Words<Enum, N>& words) {
+template <class Enum, class = decltype(WordsOf(Enum()))>
+std::vector<Enum> AllOf(Enum any) {
   std::vector<Enum> values;
-  for (const auto& [word, value] : words) values.push_back(value);
+  for (const auto& [word, value] : WordsOf(any)) values.push_back(value);
   return values;
-}
-
-template <class Enum, class = decltype(WordsOf(Enum()))>
-const char* ToString(Enum value) {
-  return WordOf(WordsOf(value), value);
-}
-
-template <class Enum, class = decltype(WordsOf(Enum()))>
-std::vector<Enum> AllOf(Enum value) {
-  return ValuesOf(WordsOf(value));
 }
 
 /// The word of each value, in the order of AllOf.
