@@ -98,7 +98,7 @@ Labeller ChooseLabeller(const std::string& model, const Structure* structure,
 void GivePriors(const CalibrationRequest& request, std::vector<Capture>* captures) {
   if (request.prior.empty()) return;
   PosePrior prior;
-  prior.world = request.prior_scale == "free" ? PriorWorld::kScaleFree : PriorWorld::kMetric;
+  FromWord(request.prior_scale, &prior.world);
   prior.sigma_m = request.prior_sigma[0];
   prior.sigma_deg = request.prior_sigma[1];
   std::vector<std::string> names;
@@ -177,7 +177,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--initial", request->initial,
                   "source of initial poses: network, geometry, or auto (the default: geometry, and "
                   "the network if there is a model)")
-      ->check(CLI::IsMember({"auto", "network", "geometry"}));
+      ->check(CLI::IsMember(WordsOfAll<PoseMethod>()));
   app->add_option("--estimate", request->estimate,
                   "beside the poses: auto (the default), none, or a list of boxes, size, "
                   "depth_gain, depth_offset, lens; refine.estimate of the config");
@@ -209,7 +209,7 @@ void AddCalibrationOptions(CLI::App* app, CalibrationRequest* request) {
   app->add_option("--prior-scale", request->prior_scale,
                   "metric: --prior is in metres; free: in a unit that is not known (three sensors "
                   "or more)")
-      ->check(CLI::IsMember({"metric", "free"}))
+      ->check(CLI::IsMember({ToString(PriorWorld::kMetric), ToString(PriorWorld::kScaleFree)}))
       ->capture_default_str();
   app->add_option("--config", request->config, "YAML of calibration options (docs/config.md)");
   AddSettings(app, &request->assignments, "the config, e.g. refine.box_sigma_m=0.01", "",

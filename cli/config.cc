@@ -71,7 +71,7 @@ const std::vector<Kind>& Kinds() {
 }
 
 bool HasMark(const ConfigSource& source, const Kind& kind) {
-  for (const auto& leaf : source.leaves()) {
+  for (const auto& leaf : source.Leaves()) {
     for (const std::string& mark : kind.marks)
       if (leaf.first.rfind(mark, 0) == 0) return true;
   }

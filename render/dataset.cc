@@ -92,7 +92,7 @@ void WriteHeader(const fs::path& dir, const DatasetHeader& h) {
 DatasetHeader ReadHeader(const fs::path& dir) {
   const fs::path path = dir / "index.json";
   const nlohmann::json json = ParseStrictJson(ReadFile(path, kMaxTextBytes), path.string());
-  const JsonObject index(json, path.string());
+  const ObjectReader index(json, path.string());
   if (index.Text("format") != kFormat) {
     throw DataError(fmt::format(
         "{}: format '{}' is not {}: write the samples again with `volalign render --config`, to an "

@@ -26,11 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-std::vector<std::string> OneOrList(const JsonObject& object, const std::string& key) {
-  return object.Get(key).is_string() ? std::vector<std::string>{object.Text(key)}
-                                     : object.Read<std::vector<std::string>>(key);
-}
-
 fs::path FindDepth(const std::string& file, const fs::path& extrinsics, const fs::path& capture) {
   fs::path beside = extrinsics.parent_path() / file;
   if (fs::exists(beside)) return beside;
@@ -41,10 +36,10 @@ fs::path FindDepth(const std::string& file, const fs::path& extrinsics, const fs
 }
 
 /// The structure with its boxes as built, by the calibration.
-Structure AsBuilt(const Structure& structure, const JsonObject& file) {
+Structure AsBuilt(const Structure& structure, const ObjectReader& file) {
   std::map<std::string, Pose> found;
-  for (const JsonObject& box :
-       file.Has("boxes") ? file.Children("boxes") : std::vector<JsonObject>()) {
+  for (const ObjectReader& box :
+       file.Has("boxes") ? file.Children("boxes") : std::vector<ObjectReader>()) {
     Pose displacement = Pose::Identity();
     displacement.translation() = box.Read<Eigen::Vector3d>("translation_m");
     displacement.rotate(
@@ -65,7 +60,7 @@ Structure AsBuilt(const Structure& structure, const JsonObject& file) {
 void ReadCalibration(const fs::path& path, const Structure& structure,
                      std::vector<RealFrame>* frames) {
   const json read = ParseStrictJson(ReadFile(path, kMaxResultBytes), path.string());
-  const JsonObject file(read, path.string());
+  const ObjectReader file(read, path.string());
   const auto refuse = [&](const std::string& why) {
     throw ConfigError(fmt::format("data.real: {} {}", path.string(), why));
   };
@@ -74,12 +69,13 @@ void ReadCalibration(const fs::path& path, const Structure& structure,
     refuse("has the verdict " + file.Text("verdict") + ": name accepted calibrations");
   if (file.Child("structure").Text("sha256") != structure.Hash())
     refuse("is of another structure than data.structure");
-  const std::vector<std::string> captures = OneOrList(file, "capture");
+  std::vector<std::string> captures, depths;
+  file.OneOrList("capture", captures);
   if (captures.size() != 1) refuse("is of several captures: calibrate each of them alone");
   const auto built = std::make_shared<const Structure>(AsBuilt(structure, file));
-  const JsonObject sensors = file.Child("sensors");
+  const ObjectReader sensors = file.Child("sensors");
   for (const std::string& name : sensors.Keys()) {
-    const JsonObject sensor = sensors.Child(name);
+    const ObjectReader sensor = sensors.Child(name);
     if (sensor.Text("status") != "ok") continue;
     RealFrame frame;
     frame.sensor = sensor.Has("sensor") ? sensor.Text("sensor") : "";
@@ -88,7 +84,8 @@ void ReadCalibration(const fs::path& path, const Structure& structure,
     frame.structure = built;
     const double gain = sensor.Has("depth_gain") ? sensor.Number("depth_gain") : 1,
                  offset = sensor.Has("depth_offset_m") ? sensor.Number("depth_offset_m") : 0;
-    for (const std::string& depth : OneOrList(sensor, "depth")) {
+    sensor.OneOrList("depth", depths);
+    for (const std::string& depth : depths) {
       frame.name = FindDepth(depth, path, captures[0]).string();
       frame.depth = ToMetres(ReadDepthFile(frame.name), sensor.Number("depth_scale"));
       // The pose belongs to the corrected depth.

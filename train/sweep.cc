@@ -18,7 +18,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kSet[] = "set.";
+struct SweepFile {
+  std::vector<std::string> recipes, over, seeds;
+  nlohmann::json set = nlohmann::json::object();
+
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("recipes", recipes, "the files of recipes", Required());
+    ar("over", over, "files of keys that all runs share");
+    ar("set", set, "keys of recipes, each with a value or with a list of those to try");
+    ar("seeds", seeds, "values of run.seed to try");
+  }
+};
 
 /// A value as part of a folder's name.
 std::string InName(const std::string& text) {
@@ -69,33 +80,19 @@ void RequireNotListed(const Sweep& sweep, const std::string& key) {
 }  // namespace
 
 Sweep ReadSweep(const ConfigSource& source) {
-  Sweep sweep;
-  std::vector<SweepKey> seeds;
-  for (const auto& [key, leaf] : source.leaves()) {
-    if (key == "recipes") {
-      sweep.recipes = leaf.values;
-    } else if (key == "over") {
-      for (const std::string& file : leaf.values) {
-        const ConfigSource shared = ConfigSource::FromFile(file);
-        for (const auto& [name, value] : shared.leaves()) {
-          const std::string text = fmt::format("{}", fmt::join(value.values, ", "));
-          sweep.keys.push_back({name, {value.is_sequence ? "[" + text + "]" : text}, false});
-        }
-      }
-    } else if (key == "seeds") {
-      seeds.push_back({"run.seed", leaf.values});
-    } else if (key.rfind(kSet, 0) == 0) {
-      sweep.keys.push_back({key.substr(sizeof(kSet) - 1), leaf.values, leaf.is_sequence});
-    } else {
-      throw ConfigError(fmt::format(
-          "{}: unknown key '{}': a sweep has recipes, over, set and seeds", leaf.where, key));
-    }
-    if (leaf.values.empty()) {
-      throw ConfigError(fmt::format("{}: {} is empty", leaf.where, key));
-    }
+  const auto file = ReadConfig<SweepFile>(source);
+  for (const auto& [key, leaf] : source.Leaves()) {
+    if (LeafTexts(leaf).empty())
+      throw ConfigError(fmt::format("{}: {} is empty", source.WhereOf(key), key));
   }
-  sweep.keys.insert(sweep.keys.end(), seeds.begin(), seeds.end());
-  if (sweep.recipes.empty()) throw ConfigError("a sweep needs recipes: [RECIPE.yaml, ...]");
+  Sweep sweep{file.recipes, {}};
+  for (const std::string& over : file.over) {
+    for (const auto& [key, leaf] : ConfigSource::FromFile(over).Leaves())
+      sweep.keys.push_back({key, {FlowText(leaf)}, false});
+  }
+  for (const auto& [key, leaf] : LeavesOf(file.set))
+    sweep.keys.push_back({key, LeafTexts(leaf), leaf.is_array()});
+  if (!file.seeds.empty()) sweep.keys.push_back({"run.seed", file.seeds});
   return sweep;
 }
 

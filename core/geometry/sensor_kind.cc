@@ -43,12 +43,12 @@ struct KindEntry {
 KindEntry ReadEntry(const ConfigSource& source, const std::vector<KindEntry>& earlier) {
   KindEntry start;
   if (const auto* like = source.Find("like")) {
-    const std::string name = fmt::format("{}", fmt::join(like->second.values, ", "));
+    const std::string name = FlowText(*like);
     const auto found = std::find_if(earlier.begin(), earlier.end(),
                                     [&](const KindEntry& entry) { return entry.kind == name; });
     if (found == earlier.end()) {
       throw ConfigError(
-          fmt::format("like = {} is no kind before this one ({})", name, like->second.where));
+          fmt::format("like = {} is no kind before this one ({})", name, source.WhereOf("like")));
     }
     start = *found;
   }

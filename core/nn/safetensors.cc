@@ -42,14 +42,14 @@ struct Entry {
   std::vector<std::int64_t> shape;
 };
 
-const nlohmann::json& List(const JsonObject& object, const char* key, std::size_t most) {
+const nlohmann::json& List(const ObjectReader& object, const char* key, std::size_t most) {
   const nlohmann::json& list = object.Get(key);
   if (!list.is_array() || list.size() > most)
     throw DataError(fmt::format("{} is no list of {} numbers at most", object.Place(key), most));
   return list;
 }
 
-Entry ReadEntry(const JsonObject& object, const std::string& name, std::uint64_t most_bytes) {
+Entry ReadEntry(const ObjectReader& object, const std::string& name, std::uint64_t most_bytes) {
   Entry entry;
   entry.name = name;
   const std::string dtype = object.Text("dtype");
@@ -61,7 +61,7 @@ Entry ReadEntry(const JsonObject& object, const std::string& name, std::uint64_t
   std::uint64_t count = 1, steps = 1;
   for (const nlohmann::json& number : List(object, "shape", kMostDimensions)) {
     std::uint64_t size = 0;
-    ReadJsonValue(number, object.Place("shape"), &size);
+    ReadValue(number, {object.Place("shape")}, &size);
     if (size > 1 && steps > most_bytes / size)
       throw DataError(fmt::format("{} is larger than the file", object.Place("shape")));
     count *= size;
@@ -70,7 +70,7 @@ Entry ReadEntry(const JsonObject& object, const std::string& name, std::uint64_t
   }
   std::vector<std::uint64_t> offsets;
   for (const nlohmann::json& number : List(object, "data_offsets", 2))
-    ReadJsonValue(number, object.Place("data_offsets"), &offsets.emplace_back());
+    ReadValue(number, {object.Place("data_offsets")}, &offsets.emplace_back());
   if (offsets.size() != 2 || offsets[1] < offsets[0] || offsets[1] > most_bytes ||
       offsets[1] - offsets[0] != count * at::elementSize(entry.type))
     throw DataError(fmt::format("{} do not fit the shape or the file, which may be truncated",
@@ -126,11 +126,11 @@ Safetensors ReadSafetensors(std::string_view bytes) {
     throw DataError("it is no safetensors file, or a truncated one");
   const nlohmann::json header = ParseStrictJson(std::string(bytes.substr(0, length)), "its header");
   bytes.remove_prefix(length);
-  const JsonObject root(header, "its header");
+  const ObjectReader root(header, "its header");
   Safetensors content;
   std::vector<Entry> entries;
   for (const std::string& name : root.Keys()) {
-    const JsonObject object = root.Child(name);
+    const ObjectReader object = root.Child(name);
     if (name != kTexts) {
       entries.push_back(ReadEntry(object, name, bytes.size()));
       continue;

@@ -31,7 +31,7 @@ using Json = nlohmann::json;
 constexpr int kMostFrames = 1000;  // of a recording
 constexpr std::size_t kMostSensors = 1000;
 
-int ParseTurns(const JsonObject& object) {
+int ParseTurns(const ObjectReader& object) {
   if (!object.Has("quarter_turns")) return kAutoTurns;
   const Json& value = object.Get("quarter_turns");
   if (value.is_string() && value.get<std::string>() == "auto") return kAutoTurns;
@@ -43,7 +43,7 @@ int ParseTurns(const JsonObject& object) {
                               object.where(), ShownJson(value)));
 }
 
-std::string ParseName(const JsonObject& object) {
+std::string ParseName(const ObjectReader& object) {
   std::string name = object.Text("name");
   if (!IsFileName(name)) {
     throw DataError(
@@ -55,14 +55,14 @@ std::string ParseName(const JsonObject& object) {
 }
 
 /// Any text that can be printed serves as a kind, a number or a renderer.
-std::string ParsePlainText(const JsonObject& object, const std::string& key) {
+std::string ParsePlainText(const ObjectReader& object, const std::string& key) {
   if (!object.Has(key)) return "";
   std::string text = object.Text(key);
   RequirePlainText(text, object.Place(key));
   return text;
 }
 
-std::vector<std::string> ParseDepthFiles(const JsonObject& object) {
+std::vector<std::string> ParseDepthFiles(const ObjectReader& object) {
   if (object.Get("depth").is_string()) return {object.Text("depth")};
   std::vector<std::string> files = object.Read<std::vector<std::string>>("depth");
   if (files.empty()) {
@@ -86,7 +86,7 @@ auto ReadingFor(const std::string& where, const Read& read) {
 }
 
 /// The chosen stream of a recording.
-RecordedDepth ReadRecordedDepth(const JsonObject& object, const std::filesystem::path& path,
+RecordedDepth ReadRecordedDepth(const ObjectReader& object, const std::filesystem::path& path,
                                 ReadBudget* budget) {
   const int frames = object.Has("frames") ? object.Read<int>("frames") : kDefaultFrames;
   if (frames < 1 || frames > kMostFrames) {
@@ -120,7 +120,7 @@ RecordedDepth ReadRecordedDepth(const JsonObject& object, const std::filesystem:
 }
 
 /// The recorded stream, if depth is a recording; else nothing.
-std::optional<RecordedDepth> ReadRecorded(const JsonObject& object,
+std::optional<RecordedDepth> ReadRecorded(const ObjectReader& object,
                                           const std::vector<std::string>& files,
                                           const std::filesystem::path& folder, ReadBudget* budget) {
   const auto is_recording = [&](const std::string& file) { return IsRecording(folder / file); };
@@ -143,7 +143,7 @@ std::optional<RecordedDepth> ReadRecorded(const JsonObject& object,
 
 /// By the sensor itself, else stated in its recording, else for the whole capture, else usual in
 /// such recordings.
-double ParseDepthScale(const JsonObject& object, const RecordedDepth& recorded,
+double ParseDepthScale(const ObjectReader& object, const RecordedDepth& recorded,
                        std::optional<double> common) {
   std::optional<double> scale = recorded.depth_scale;
   if (common && !(scale && recorded.depth_scale_stated)) scale = common;
@@ -161,7 +161,7 @@ double ParseDepthScale(const JsonObject& object, const RecordedDepth& recorded,
 }
 
 /// A file's name, volalign's own keys, or one of the other forms of infer/formats.
-Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem::path& folder,
+Intrinsics ParseSensorIntrinsics(const ObjectReader& object, const std::filesystem::path& folder,
                                  const RecordedDepth& recorded, const FrameSize& size) {
   if (!object.Has("intrinsics")) {
     if (recorded.intrinsics) return *recorded.intrinsics;
@@ -185,9 +185,9 @@ Intrinsics ParseSensorIntrinsics(const JsonObject& object, const std::filesystem
   return object.Read<Intrinsics>("intrinsics");
 }
 
-std::optional<ColourCamera> ParseColour(const JsonObject& object) {
+std::optional<ColourCamera> ParseColour(const ObjectReader& object) {
   if (!object.Has("colour")) return std::nullopt;
-  const JsonObject given = object.Child("colour");
+  const ObjectReader given = object.Child("colour");
   ColourCamera colour;
   colour.colour_from_depth = given.Read<Pose>("colour_from_depth");
   if (given.Has("intrinsics")) colour.intrinsics = given.Read<Intrinsics>("intrinsics");
@@ -195,9 +195,9 @@ std::optional<ColourCamera> ParseColour(const JsonObject& object) {
   return colour;
 }
 
-std::optional<PosePrior> ParsePrior(const JsonObject& object) {
+std::optional<PosePrior> ParsePrior(const ObjectReader& object) {
   if (!object.Has("prior")) return std::nullopt;
-  const JsonObject given = object.Child("prior");
+  const ObjectReader given = object.Child("prior");
   PosePrior prior;
   const bool in_world = given.Has("world_from_sensor");
   if (in_world == given.Has("structure_from_sensor")) {
@@ -230,7 +230,7 @@ void RequireSize(const StoredDepth& image, const Intrinsics& intrinsics, const s
                   intrinsics.width, intrinsics.height));
 }
 
-SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& folder,
+SensorFrame ParseSensor(const ObjectReader& object, const std::filesystem::path& folder,
                         std::optional<double> common_scale, ReadBudget* budget) {
   SensorFrame frame;
   frame.name = ParseName(object);
@@ -256,8 +256,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
   const Image<float>& first = source.frames.front().values;
   frame.intrinsics = ParseSensorIntrinsics(object, folder, source, {first.width(), first.height()});
   if (object.Has("typical_intrinsics"))
-    ReadJsonValue(object.Get("typical_intrinsics"), object.Place("typical_intrinsics"),
-                  &frame.typical_intrinsics);
+    frame.typical_intrinsics = object.Read<bool>("typical_intrinsics");
   frame.quarter_turns = ParseTurns(object);
   frame.sensor = object.Has("sensor") ? ParsePlainText(object, "sensor") : source.kind;
   frame.serial = object.Has("serial") ? ParsePlainText(object, "serial") : source.serial;
@@ -283,7 +282,7 @@ SensorFrame ParseSensor(const JsonObject& object, const std::filesystem::path& f
 }
 
 /// Gives the sensors their poses in `truth`.
-void ParseGroundTruth(const JsonObject& truth, std::vector<SensorFrame>* sensors) {
+void ParseGroundTruth(const ObjectReader& truth, std::vector<SensorFrame>* sensors) {
   for (SensorFrame& frame : *sensors) truth.Optional(frame.name, frame.ground_truth);
   truth.RejectOthers();
 }
@@ -337,7 +336,7 @@ bool IsFileName(const std::string& name) {
 CaptureFile ReadCapture(const std::filesystem::path& path) {
   const std::string name = path.string();
   const Json document = ParseStrictJson(ReadCaptureText(path), name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   root.RejectOthers({"format", "depth_scale", "structure", "sensors", "ground_truth"});
 
   if (root.Has("format") && root.Text("format") != kCaptureFormat) {
@@ -353,12 +352,12 @@ CaptureFile ReadCapture(const std::filesystem::path& path) {
 
   std::set<std::string> names;
   ReadBudget budget;
-  const std::vector<JsonObject> sensors = root.Children("sensors");
+  const std::vector<ObjectReader> sensors = root.Children("sensors");
   if (sensors.size() > kMostSensors) {
     throw DataError(fmt::format("{}: {} sensors; at most {} are calibrated together", name,
                                 sensors.size(), kMostSensors));
   }
-  for (const JsonObject& object : sensors) {
+  for (const ObjectReader& object : sensors) {
     capture.sensors.push_back(ParseSensor(object, folder, scale, &budget));
     const std::string& sensor = capture.sensors.back().name;
     if (!names.insert(sensor).second) {

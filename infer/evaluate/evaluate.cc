@@ -137,7 +137,7 @@ void WriteEvaluation(const std::filesystem::path& path, const std::vector<Evalua
 std::vector<EvaluatedCase> ReadEvaluation(const std::filesystem::path& path) {
   const std::string name = path.string();
   const nlohmann::json document = ParseStrictJson(ReadFile(path, kMaxResultBytes), name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   if (!root.Has("format") || root.Text("format") != kEvaluationFormat) {
     throw DataError(
         fmt::format("{}: this is no \"{}\"; choose another folder", name, kEvaluationFormat));

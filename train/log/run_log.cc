@@ -80,10 +80,7 @@ LoggedRun ReadRun(const fs::path& dir) {
   LoggedRun run;
   run.name = dir.string();
   const ConfigSource source = ConfigSource::FromFile((dir / "config.yaml").string());
-  for (const auto& [key, leaf] : source.leaves()) {
-    run.config[key] = leaf.is_sequence ? fmt::format("[{}]", fmt::join(leaf.values, ", "))
-                                       : fmt::format("{}", fmt::join(leaf.values, ", "));
-  }
+  for (const auto& [key, leaf] : source.Leaves()) run.config[key] = FlowText(leaf);
   std::istringstream rows(ReadFile(dir / "metrics.jsonl", kMaxLogBytes));
   int number = 0;
   for (std::string text; std::getline(rows, text);) {

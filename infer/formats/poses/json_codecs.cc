@@ -44,7 +44,7 @@ void AddDepth(const SensorPose& pose, ordered_json* json) {
 }
 
 /// Files of earlier versions and other programs have no corrections.
-void ReadDepth(const JsonObject& object, SensorPose* pose) {
+void ReadDepth(const ObjectReader& object, SensorPose* pose) {
   if (object.Has("depth_gain")) pose->depth_gain = object.Number("depth_gain");
   if (object.Has("depth_offset_m")) pose->depth_offset_m = object.Number("depth_offset_m");
 }
@@ -58,7 +58,7 @@ ordered_json ColumnMajor(const Eigen::MatrixXd& matrix) {
   return std::vector<double>(matrix.data(), matrix.data() + matrix.size());
 }
 
-Eigen::MatrixXd FromColumnMajor(const JsonObject& object, const std::string& key, int rows) {
+Eigen::MatrixXd FromColumnMajor(const ObjectReader& object, const std::string& key, int rows) {
   const std::vector<double> numbers = object.Read<std::vector<double>>(key);
   if (static_cast<int>(numbers.size()) != rows * rows)
     throw DataError(fmt::format("{}: {} numbers instead of {}", object.Place(key), numbers.size(),
@@ -74,7 +74,7 @@ ordered_json Components(const std::vector<std::string>& names, const std::vector
 
 std::string FileText(const ordered_json& file) { return file.dump(2) + "\n"; }
 
-Intrinsics Open3dIntrinsics(const JsonObject& object) {
+Intrinsics Open3dIntrinsics(const ObjectReader& object) {
   const Eigen::MatrixXd matrix = FromColumnMajor(object, "intrinsic_matrix", 3);
   Intrinsics k{object.Read<int>("width"),
                object.Read<int>("height"),
@@ -105,13 +105,13 @@ std::string WritePosesJson(const Poses& poses, const FileFrame& frame) {
 
 Poses ReadPosesJson(const std::string& text, const std::string& name) {
   const nlohmann::json document = ParseStrictJson(text, name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   if (root.Text("format") != kPosesFormat)
     throw DataError(fmt::format("{}: format \"{}\" instead of \"{}\"", name,
                                 Shortened(root.Text("format")), kPosesFormat));
   root.Has("convention");
   Poses poses;
-  for (const JsonObject& sensor : root.Children("sensors")) {
+  for (const ObjectReader& sensor : root.Children("sensors")) {
     SensorPose pose;
     pose.name = sensor.Text("name");
     pose.structure_from_sensor = sensor.Read<Pose>("structure_from_sensor");
@@ -155,7 +155,7 @@ std::string WriteOpen3d(const Poses& poses, const FileFrame& frame) {
 
 Poses ReadOpen3d(const std::string& text, const std::string& name) {
   const nlohmann::json document = ParseStrictJson(text, name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   if (root.Text("class_name") != "PinholeCameraTrajectory")
     throw DataError(fmt::format("{}: class_name \"{}\" is no PinholeCameraTrajectory", name,
                                 Shortened(root.Text("class_name"))));
@@ -166,7 +166,7 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
   };
   const std::vector<double> gains = numbers("depth_gain"), offsets_m = numbers("depth_offset_m");
   Poses poses;
-  for (const JsonObject& camera : root.Children("parameters")) {
+  for (const ObjectReader& camera : root.Children("parameters")) {
     const Eigen::MatrixXd extrinsic = FromColumnMajor(camera, "extrinsic", 4);
     SensorPose pose;
     pose.name = poses.size() < names.size() ? names[poses.size()] : std::to_string(poses.size());
@@ -202,10 +202,10 @@ std::string WriteUnity(const Poses& poses, const FileFrame& frame) {
 
 Poses ReadUnity(const std::string& text, const std::string& name) {
   const nlohmann::json document = ParseStrictJson(text, name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   Poses poses;
-  for (const JsonObject& sensor : root.Children("sensors")) {
-    const JsonObject p = sensor.Child("position"), q = sensor.Child("rotation");
+  for (const ObjectReader& sensor : root.Children("sensors")) {
+    const ObjectReader p = sensor.Child("position"), q = sensor.Child("rotation");
     const Pose unity = PoseFromQuaternion(
         q.Number("w"), q.Number("x"), q.Number("y"), q.Number("z"),
         UnityFromYUp() * Eigen::Vector3d(p.Number("x"), p.Number("y"), p.Number("z")),
@@ -241,9 +241,9 @@ std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
 
 Poses ReadCwipc(const std::string& text, const std::string& name) {
   const nlohmann::json document = ParseStrictJson(text, name);
-  const JsonObject root(document, name);
+  const ObjectReader root(document, name);
   Poses poses;
-  for (const JsonObject& camera : root.Children("camera")) {
+  for (const ObjectReader& camera : root.Children("camera")) {
     SensorPose pose;
     pose.serial = camera.Text("serial");
     pose.name = camera.Has("name") ? camera.Text("name") : pose.serial;

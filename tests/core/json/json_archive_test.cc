@@ -259,12 +259,12 @@ TEST(ParseStrictJson, LimitsValues) {
 }
 
 // Messages quote values, keys and texts of the file, of whatever length.
-TEST(JsonObject, MessagesAreShort) {
+TEST(ObjectReader, MessagesAreShort) {
   const std::string long_text(1000000, 'a');
   const nlohmann::json number = {{"n", long_text}}, key = {{long_text, 1}};
   for (const std::string& message :
-       {ExpectError<DataError>([&] { JsonObject(number, "a.json").Number("n"); }),
-        ExpectError<DataError>([&] { JsonObject(key, "a.json").RejectOthers(); }),
+       {ExpectError<DataError>([&] { ObjectReader(number, "a.json").Number("n"); }),
+        ExpectError<DataError>([&] { ObjectReader(key, "a.json").RejectOthers(); }),
         ExpectError<DataError>([&] { ParseStrictJson("{\"a\": " + long_text + "}", "a.json"); }),
         ExpectError<DataError>([&] {
           ParseStrictJson("{\"" + long_text + "\":1,\"" + long_text + "\":2}", "a.json");
