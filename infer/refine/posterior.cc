@@ -92,15 +92,15 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   State state = solution.state;
   state.scales = PriorScales::Ones();  // the priors as the options have them
   const std::vector<char> none(static_cast<std::size_t>(problem.layout.size()), 0);
-  const CeresProblem ceres = BuildCeresProblem(problem, solution.observed, solution.overlaps,
-                                               solution.fixed, none, &state);
+  ceres::Problem ceres = BuildCeresProblem(problem, solution.observed, solution.overlaps,
+                                           solution.fixed, none, &state);
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : problem.layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);
   evaluation.num_threads = problem.setup.schedule.threads;
   ceres::CRSMatrix jacobian;
   std::vector<double> residuals, gradient;
-  if (!ceres.problem->Evaluate(evaluation, nullptr, &residuals, &gradient, &jacobian)) {
+  if (!ceres.Evaluate(evaluation, nullptr, &residuals, &gradient, &jacobian)) {
     const Eigen::VectorXd sigmas = PriorSigmas(problem, solution.observed);
     return {sigmas.cwiseAbs2().cwiseInverse().asDiagonal(), Eigen::VectorXd::Zero(sigmas.size()),
             false};
@@ -110,9 +110,9 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   for (std::size_t k = 0; k < changed.size(); ++k) {
     JointProblem other = problem;
     other.model = BuildModel(changed[k]);
-    const CeresProblem of_other = BuildCeresProblem(other, solution.observed, solution.overlaps,
-                                                    solution.fixed, none, &state);
-    if (!of_other.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr))
+    ceres::Problem of_other = BuildCeresProblem(other, solution.observed, solution.overlaps,
+                                                solution.fixed, none, &state);
+    if (!of_other.Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr))
       return {Information(jacobian), ToVector(gradient), false};
     columns.col(static_cast<Eigen::Index>(k)) = ToVector(residuals) - r;
   }

@@ -7,6 +7,7 @@
 #include "infer/refine/noise.h"
 #include "infer/refine/observations.h"
 #include "infer/refine/residuals.h"
+#include "infer/refine/solver.h"
 #include "infer/refine/terms.h"
 
 namespace volalign::refine_internal {
@@ -51,10 +52,10 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t c
 bool Solve(const JointProblem& problem, Solution* solution) {
   State state = solution->state;
   solution->overlaps = FindOverlaps(problem, solution->observed, solution->fixed, state);
-  const CeresProblem ceres =
+  ceres::Problem ceres =
       BuildCeresProblem(problem, solution->observed, solution->overlaps, solution->fixed,
                         problem.layout.Constant(solution->free, solution->fixed), &state);
-  const Minimum minimum = Minimise(problem.setup.schedule, ceres.problem.get());
+  const Minimum minimum = Minimise(problem.setup.schedule, &ceres);
   if (!minimum.usable) return false;
   state.converged = minimum.converged;
   state.UpdateBuilt(problem.model);

@@ -11,12 +11,6 @@ namespace {
 
 constexpr double kFunctionTolerance = 1e-7, kParameterTolerance = 1e-9;
 
-ceres::Problem::Options Borrowing() {
-  ceres::Problem::Options options;
-  options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  return options;
-}
-
 /// Ceres lets no exception through its own threads.
 class StopCallback : public ceres::IterationCallback {
  public:
@@ -26,17 +20,6 @@ class StopCallback : public ceres::IterationCallback {
 };
 
 }  // namespace
-
-CeresProblem::CeresProblem()
-    : manifold(std::make_unique<LeftPoseManifold>()),
-      problem(std::make_unique<ceres::Problem>(Borrowing())) {}
-
-void CeresProblem::HoldConstant(double* block, int size, const std::vector<int>& elements) {
-  if (elements.empty()) return;
-  if (static_cast<int>(elements.size()) == size) return problem->SetParameterBlockConstant(block);
-  subsets.push_back(std::make_unique<ceres::SubsetManifold>(size, elements));
-  problem->SetManifold(block, subsets.back().get());
-}
 
 Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem) {
   ceres::Solver::Options solver;

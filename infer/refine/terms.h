@@ -2,13 +2,14 @@
 
 // The refinement's terms as a problem for Ceres. Not for callers of Refine.
 
+#include <ceres/problem.h>
+
 #include <Eigen/Core>
 #include <vector>
 
 #include "infer/refine/frame_observations.h"
 #include "infer/refine/pair_overlap.h"
 #include "infer/refine/problem.h"
-#include "infer/refine/solver.h"
 
 namespace volalign::refine_internal {
 
@@ -20,10 +21,10 @@ Eigen::VectorXd PriorSigmas(const JointProblem& problem,
 /// The problem over all parameters; it refers to all its arguments. Parameters marked in `constant`
 /// (see ParameterLayout::Constant) do not change. A frame whose pose is constant has no structure
 /// terms. Fixed frames are not tied to others of their sensor.
-CeresProblem BuildCeresProblem(const JointProblem& problem,
-                               const std::vector<FrameObservations>& observed,
-                               const std::vector<PairOverlap>& overlaps,
-                               const std::vector<char>& fixed, const std::vector<char>& constant,
-                               State* state);
+ceres::Problem BuildCeresProblem(const JointProblem& problem,
+                                 const std::vector<FrameObservations>& observed,
+                                 const std::vector<PairOverlap>& overlaps,
+                                 const std::vector<char>& fixed, const std::vector<char>& constant,
+                                 State* state);
 
 }  // namespace volalign::refine_internal

@@ -140,15 +140,14 @@ void ExpectColumnsOfTheJacobian(int lens_count) {
   ASSERT_GT(overlaps.at(0).of_a.size(), 100u);
   for (const Named& parameter : AllParameters(layout))
     parameter.move(&state, 0.001 * static_cast<double>(parameter.column % 5 - 2));
-  const CeresProblem ceres =
-      BuildCeresProblem(problem, observed, overlaps, {0, 0, 0}, none, &state);
+  ceres::Problem ceres = BuildCeresProblem(problem, observed, overlaps, {0, 0, 0}, none, &state);
 
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);
   ceres::CRSMatrix sparse;
   std::vector<double> ignored;
-  ASSERT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &ignored, nullptr, &sparse));
+  ASSERT_TRUE(ceres.Evaluate(evaluation, nullptr, &ignored, nullptr, &sparse));
   ASSERT_EQ(sparse.num_cols, layout.size());
   Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(sparse.num_rows, sparse.num_cols);
   for (int row = 0; row < sparse.num_rows; ++row) {
@@ -161,7 +160,7 @@ void ExpectColumnsOfTheJacobian(int lens_count) {
   const auto residuals_after = [&](const Named& parameter, double step) {
     parameter.move(&state, step);  // in the memory that Ceres refers to
     std::vector<double> residuals;
-    EXPECT_TRUE(ceres.problem->Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr));
+    EXPECT_TRUE(ceres.Evaluate(evaluation, nullptr, &residuals, nullptr, nullptr));
     parameter.move(&state, -step);
     return Eigen::VectorXd(
         Eigen::Map<Eigen::VectorXd>(residuals.data(), static_cast<Eigen::Index>(residuals.size())));
@@ -357,11 +356,11 @@ TEST(Minimise, SaysWhetherItCouldAndWhetherItEndedByItsTolerance) {
        {std::pair(true, 20), std::pair(true, 1), std::pair(false, 20)}) {
     RefineOptions options;
     options.inner_iterations = steps;
-    CeresProblem ceres;
+    ceres::Problem ceres;
     std::vector<double> x = {1, 0.5};
-    ceres.problem->AddResidualBlock(new Line(works), nullptr, x.data());
-    ceres.HoldConstant(x.data(), 2, {1});
-    const Minimum minimum = Minimise(options, ceres.problem.get());
+    ceres.AddResidualBlock(new Line(works), nullptr, x.data());
+    ceres.SetManifold(x.data(), new ceres::SubsetManifold(2, {1}));
+    const Minimum minimum = Minimise(options, &ceres);
     EXPECT_EQ(minimum.usable, works);
     EXPECT_EQ(minimum.converged, works && steps == 20);
     EXPECT_NEAR(x[0], works ? 2.5 : 1, 1e-3);

@@ -24,19 +24,19 @@ namespace {
 using namespace testing_infer;
 
 /// The problem at `state`, with the overlap that there is at it.
-CeresProblem Build(const JointProblem& problem, const std::vector<FrameObservations>& observed,
-                   const FreeSet& free, State* state, const std::vector<char>& fixed = {0, 0}) {
+ceres::Problem Build(const JointProblem& problem, const std::vector<FrameObservations>& observed,
+                     const FreeSet& free, State* state, const std::vector<char>& fixed = {0, 0}) {
   return BuildCeresProblem(problem, observed, FindOverlaps(problem, observed, fixed, *state), fixed,
                            problem.layout.Constant(free, fixed), state);
 }
 
 /// Residual blocks of overlap: those that two poses have in common.
-std::vector<ceres::ResidualBlockId> OverlapBlocks(const CeresProblem& ceres, const State& state) {
+std::vector<ceres::ResidualBlockId> OverlapBlocks(ceres::Problem* ceres, const State& state) {
   std::vector<ceres::ResidualBlockId> blocks, common;
-  ceres.problem->GetResidualBlocksForParameterBlock(state.poses[0].values, &blocks);
+  ceres->GetResidualBlocksForParameterBlock(state.poses[0].values, &blocks);
   for (const ceres::ResidualBlockId& block : blocks) {
     std::vector<double*> parameters;
-    ceres.problem->GetParameterBlocksForResidualBlock(block, &parameters);
+    ceres->GetParameterBlocksForResidualBlock(block, &parameters);
     for (const double* parameter : parameters) {
       if (parameter == state.poses[1].values) common.push_back(block);
     }
@@ -44,19 +44,19 @@ std::vector<ceres::ResidualBlockId> OverlapBlocks(const CeresProblem& ceres, con
   return common;
 }
 
-double OverlapCost(const CeresProblem& ceres, const State& state) {
+double OverlapCost(ceres::Problem* ceres, const State& state) {
   double all = 0, cost = 0;
   for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state)) {
-    EXPECT_TRUE(ceres.problem->EvaluateResidualBlock(block, false, &cost, nullptr, nullptr));
+    EXPECT_TRUE(ceres->EvaluateResidualBlock(block, false, &cost, nullptr, nullptr));
     all += cost;
   }
   return all;
 }
 
-int OverlapTerms(const CeresProblem& ceres, const State& state) {
+int OverlapTerms(ceres::Problem* ceres, const State& state) {
   int terms = 0;
   for (const ceres::ResidualBlockId& block : OverlapBlocks(ceres, state))
-    terms += ceres.problem->GetCostFunctionForResidualBlock(block)->num_residuals();
+    terms += ceres->GetCostFunctionForResidualBlock(block)->num_residuals();
   return terms;
 }
 
@@ -65,15 +65,14 @@ TEST(BuildCeresProblem, ErrorsWithinACorrelationLengthAreOneError) {
   for (const auto& [along_x, count] : {std::pair(true, 15), {false, 15}, {true, 150}}) {
     TwoSensors two(Strip(along_x, 2, count), Strip(along_x, 2 + kApart, count));
     const JointProblem problem = two.Problem();
-    const CeresProblem ceres =
-        Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2), &two.state);
+    ceres::Problem ceres = Build(problem, TwoFrames(), AskedFor({}, problem.priors, 2), &two.state);
     // Both ways together, all matches count as four.
     double expected = 0;
     for (const CloudPoint& point : two.a.cloud.points()) {
       const double sigma = SigmaOfPair(point.p);
       expected += 2 * kApart * kApart / (sigma * sigma) / (2.0 * count);
     }
-    EXPECT_NEAR(OverlapCost(ceres, two.state), expected, 0.01 * expected) << along_x;
+    EXPECT_NEAR(OverlapCost(&ceres, two.state), expected, 0.01 * expected) << along_x;
   }
 }
 
@@ -90,9 +89,9 @@ TEST(BuildCeresProblem, APairCountsBothWaysOrNot) {
   const auto terms = [&](double min_overlap) {
     two.options.min_overlap = min_overlap;
     const JointProblem problem = two.Problem();
-    const CeresProblem ceres = Build(problem, std::vector<FrameObservations>(2),
-                                     AskedFor({}, problem.priors, 2), &two.state);
-    return OverlapTerms(ceres, two.state);
+    ceres::Problem ceres = Build(problem, std::vector<FrameObservations>(2),
+                                 AskedFor({}, problem.priors, 2), &two.state);
+    return OverlapTerms(&ceres, two.state);
   };
   EXPECT_EQ(terms(0.1), 60) << "60 of 460";
   EXPECT_EQ(terms(0.2), 0);
@@ -105,16 +104,16 @@ TEST(BuildCeresProblem, OverlapIsOfCorrectedDepths) {
   two.state.errors[0][kGain] = 0.003;
   two.state.offsets[1] = 0.004;
   const FreeSet free = AskedFor(ParseEstimate("depth_gain,depth_offset"), problem.priors, 2);
-  const CeresProblem ceres = Build(problem, TwoFrames(), free, &two.state);
-  ASSERT_EQ(OverlapTerms(ceres, two.state), 60);
-  EXPECT_NEAR(OverlapCost(ceres, two.state), 0, 1e-9);
+  ceres::Problem ceres = Build(problem, TwoFrames(), free, &two.state);
+  ASSERT_EQ(OverlapTerms(&ceres, two.state), 60);
+  EXPECT_NEAR(OverlapCost(&ceres, two.state), 0, 1e-9);
   two.state.errors[0][kGain] = 0;
   double expected = 0;  // 6 mm at each point, of four cells
   for (const CloudPoint& point : two.a.cloud.points()) {
     const double r = 0.006 / SigmaOfPair(point.p);
     expected += 4 * 2 * std::log1p(r * r / 4) / static_cast<double>(two.a.cloud.points().size());
   }
-  EXPECT_NEAR(OverlapCost(ceres, two.state), expected, 0.02 * expected);
+  EXPECT_NEAR(OverlapCost(&ceres, two.state), expected, 0.02 * expected);
 }
 
 TEST(ComputeNormalEquations, CountWhatTheCostCounts) {
