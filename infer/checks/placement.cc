@@ -219,8 +219,8 @@ SomeFrames<FrameInput> FramesToRefine(const Seen& seen, const PerFrame<LocateRes
   for (const FrameId id : results.Ids()) {
     const auto* located = std::get_if<LocatedFrame>(&results[id]);
     if (!located) continue;
-    frames[id] = {located->points, located->own_pose, static_cast<int>(seen.lenses.of_frame[id]),
-                  static_cast<int>(seen.input->sensor_of[id]), static_cast<int>(id.capture)};
+    frames[id] = {located->points, located->own_pose, seen.lenses.of_frame[id],
+                  static_cast<int>(seen.input->sensor_of[id]), id.capture};
   }
   return frames;
 }

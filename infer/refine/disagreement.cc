@@ -200,14 +200,14 @@ bool IsOdd(const JointProblem& problem, const Agreed& agreed, std::size_t frame)
 /// stay. Yes also if most sensors stay without an excluded frame.
 bool LeavesMajority(const JointProblem& problem, const Agreed& agreed,
                     const std::vector<char>& takes_part, std::size_t frame) {
-  std::map<int, std::pair<int, int>> of_sensor;  // its frames, and the excluded ones
+  std::map<std::size_t, std::pair<int, int>> of_sensor;  // its frames, and the excluded ones
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (!takes_part[i]) continue;
-    auto& [frames, excluded] = of_sensor[agreed.solution.state.SensorOf(i)];
+    auto& [frames, excluded] = of_sensor[agreed.solution.state.frame_of[i].sensor];
     ++frames;
     excluded += agreed.of[i] || i == frame ? 1 : 0;
   }
-  const auto& [frames, excluded] = of_sensor[agreed.solution.state.SensorOf(frame)];
+  const auto& [frames, excluded] = of_sensor[agreed.solution.state.frame_of[frame].sensor];
   if (frames >= 3 && 2 * excluded < frames) return true;
   const auto doubted = std::count_if(of_sensor.begin(), of_sensor.end(),
                                      [](const auto& sensor) { return sensor.second.second > 0; });

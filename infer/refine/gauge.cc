@@ -29,7 +29,7 @@ void CentreBoxes(const JointProblem& problem, Solution* solution) {
   }
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (solution->fixed[i]) continue;
-    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->CaptureOf(i)];
+    Eigen::Map<Eigen::Vector3d>(state->poses[i].values + 4) -= means[state->frame_of[i].capture];
   }
   state->UpdateBuilt(problem.model);
 }

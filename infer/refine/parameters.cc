@@ -63,7 +63,7 @@ State NominalState(const Structure& structure, const std::vector<Pose>& poses,
   for (const Pose& pose : poses) state.poses.emplace_back(pose);
   for (const Pose& placement : placements) state.placements.emplace_back(placement);
   std::size_t sensors = 0;
-  for (std::size_t i = 0; i < poses.size(); ++i) sensors = std::max(sensors, state.SensorOf(i) + 1);
+  for (const FrameOf& of : state.frame_of) sensors = std::max(sensors, of.sensor + 1);
   state.offsets.assign(poses.size(), 0);
   state.errors.assign(sensors, SensorErrorVector::Zero());
   for (const SensorLens& lens : lenses) state.lenses.push_back(lens.change);
@@ -93,7 +93,7 @@ FreeSet AskedFor(const EstimateSet& asked, const Priors& priors, std::size_t fra
 ParameterLayout::ParameterLayout(std::vector<FrameOf> frame_of, std::size_t captures,
                                  const BuildSize& build, std::size_t lenses)
     : frame_of_(std::move(frame_of)), build_(build), captures_(captures), lenses_(lenses) {
-  for (std::size_t i = 0; i < frame_of_.size(); ++i) sensors_ = std::max(sensors_, SensorOf(i) + 1);
+  for (const FrameOf& of : frame_of_) sensors_ = std::max(sensors_, of.sensor + 1);
 }
 
 std::vector<ParameterLayout::Block> ParameterLayout::Blocks(State* state) const {
@@ -125,16 +125,16 @@ Eigen::VectorXd ParameterLayout::PriorSigmas(const Priors& priors,
   Eigen::VectorXd sigmas = Eigen::VectorXd::Constant(size(), kPoseSigma);
   std::vector<double> counts(sensors_, 0);
   for (std::size_t i = 0; i < frames(); ++i) {
-    ++counts[SensorOf(i)];
+    ++counts[frame_of_[i].sensor];
     Priors own = priors;
-    own.focal = lenses[static_cast<std::size_t>(frame_of_[i].lens)].own_focal_sigma;
-    sigmas.segment<kSensorErrors>(ErrorsOfSensor(SensorOf(i))) =
+    own.focal = lenses[frame_of_[i].lens].own_focal_sigma;
+    sigmas.segment<kSensorErrors>(ErrorsOfSensor(frame_of_[i].sensor)) =
         SharedPriorSigmas(own, errors[i], {})
             .segment<kSensorErrors>(FrameColumns::kErrors - FrameColumns::kOffset);
   }
   // The offsets of n frames are nearly equal: their n priors together count as one.
   for (std::size_t i = 0; i < frames(); ++i)
-    sigmas[Offset(i)] = priors.offset * std::sqrt(counts[SensorOf(i)]);
+    sigmas[Offset(i)] = priors.offset * std::sqrt(counts[frame_of_[i].sensor]);
   for (std::size_t lens = 0; lens < lenses_; ++lens)
     sigmas.segment<kLensParameters>(Lens(lens)) = lenses[lens].prior_sigmas;
   const Eigen::VectorXd build = SharedPriorSigmas(priors, {}, build_).tail(1 + build_.parameters());
@@ -152,14 +152,13 @@ std::vector<Eigen::Index> ParameterLayout::ColumnsOf(std::size_t frame) const {
     for (Eigen::Index k = 0; k < count; ++k) columns.push_back(first + k);
   };
   const FrameOf& of = frame_of_[frame];
-  const auto capture = static_cast<std::size_t>(of.capture);
   add(Pose(frame), 6);
   add(Offset(frame), 1);
-  add(ErrorsOfSensor(SensorOf(frame)), kSensorErrors);
-  add(Lens(static_cast<std::size_t>(of.lens)), kLensParameters);
+  add(ErrorsOfSensor(of.sensor), kSensorErrors);
+  add(Lens(of.lens), kLensParameters);
   add(Size(), 1);
-  add(Boxes(capture), Eigen::Index{3} * build_.boxes);
-  add(Bulges(capture), build_.sides);
+  add(Boxes(of.capture), Eigen::Index{3} * build_.boxes);
+  add(Bulges(of.capture), build_.sides);
   return columns;
 }
 
@@ -173,13 +172,13 @@ std::vector<char> ParameterLayout::Constant(const FreeSet& free,
   for (std::size_t i = 0; i < frames(); ++i) {
     if (!free.offset) hold(Offset(i), 1);
     if (!free.gain) hold(Error(i, kGain), 1);
-    if (!free.lens[static_cast<std::size_t>(frame_of_[i].lens)]) hold(Error(i, kFocal), 1);
+    if (!free.lens[frame_of_[i].lens]) hold(Error(i, kFocal), 1);
     if (fixed.empty()) continue;
     if (fixed[i]) {
       hold(Pose(i), 6);
       hold(Offset(i), 1);
     } else {
-      is_moved[SensorOf(i)] = 1;
+      is_moved[frame_of_[i].sensor] = 1;
     }
   }
   for (std::size_t s = 0; s < sensors_; ++s) {

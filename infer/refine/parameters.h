@@ -53,7 +53,7 @@ inline constexpr double kPoseSigma = 1;
 /// The sensor, the capture and the lens of a frame, as indices. The frames of one sensor are of
 /// different captures.
 struct FrameOf {
-  int sensor = 0, capture = 0, lens = 0;
+  std::size_t sensor = 0, capture = 0, lens = 0;
 };
 
 /// One frame's parameter blocks. `pose`: in the structure of its capture (7). `offset`: of its
@@ -150,18 +150,12 @@ struct State {
   std::vector<Structure> built;
   bool converged = true;  ///< the last solution ended by its tolerances
 
-  std::size_t SensorOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].sensor); }
-  std::size_t CaptureOf(std::size_t i) const {
-    return static_cast<std::size_t>(frame_of[i].capture);
-  }
-  std::size_t LensOf(std::size_t i) const { return static_cast<std::size_t>(frame_of[i].lens); }
-
   // The following take the index of a frame.
-  const Structure& Built(std::size_t i) const { return built[CaptureOf(i)]; }
-  const LensChange& Lens(std::size_t i) const { return lenses[LensOf(i)]; }
-  LensChange& Lens(std::size_t i) { return lenses[LensOf(i)]; }
-  const SensorErrorVector& Errors(std::size_t i) const { return errors[SensorOf(i)]; }
-  SensorErrorVector& Errors(std::size_t i) { return errors[SensorOf(i)]; }
+  const Structure& Built(std::size_t i) const { return built[frame_of[i].capture]; }
+  const LensChange& Lens(std::size_t i) const { return lenses[frame_of[i].lens]; }
+  LensChange& Lens(std::size_t i) { return lenses[frame_of[i].lens]; }
+  const SensorErrorVector& Errors(std::size_t i) const { return errors[frame_of[i].sensor]; }
+  SensorErrorVector& Errors(std::size_t i) { return errors[frame_of[i].sensor]; }
   FrameState Frame(std::size_t i) const { return Frame(i, poses[i].ToPose()); }
   /// The sensor's depth errors, at another pose.
   FrameState Frame(std::size_t i, const Pose& pose) const {
@@ -171,7 +165,8 @@ struct State {
     return {&size, boxes[capture].data(), bulges[capture].data()};
   }
   FrameParameters Parameters(std::size_t i) const {
-    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(), Build(CaptureOf(i))};
+    return {poses[i].values, &offsets[i], Errors(i).data(), Lens(i).data(),
+            Build(frame_of[i].capture)};
   }
   /// Updates `built` from the parameters.
   void UpdateBuilt(const BuildModel& model);
@@ -217,7 +212,7 @@ class ParameterLayout {
   }
   /// An error of the frame's sensor.
   Eigen::Index Error(std::size_t frame, SensorError which) const {
-    return ErrorsOfSensor(SensorOf(frame)) + which;
+    return ErrorsOfSensor(frame_of_[frame].sensor) + which;
   }
   Eigen::Index Lens(std::size_t lens) const {
     return ErrorsOfSensor(sensors_) + static_cast<Eigen::Index>(kLensParameters * lens);
@@ -268,10 +263,6 @@ class ParameterLayout {
   std::vector<char> Constant(const FreeSet& free, const std::vector<char>& fixed = {}) const;
 
  private:
-  std::size_t SensorOf(std::size_t frame) const {
-    return static_cast<std::size_t>(frame_of_[frame].sensor);
-  }
-
   std::vector<FrameOf> frame_of_;
   BuildSize build_;
   std::size_t sensors_ = 0, captures_, lenses_;

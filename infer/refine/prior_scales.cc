@@ -147,7 +147,7 @@ Solution SolveWithScaledPriors(const JointProblem& problem, Solution solution) {
     scaled.free.lens[lens] = 0;
     scaled.state.lenses[lens].setZero();
     for (std::size_t i = 0; i < problem.size(); ++i) {
-      if (solution.state.LensOf(i) == lens) scaled.state.Errors(i)[kFocal] = 0;
+      if (solution.state.frame_of[i].lens == lens) scaled.state.Errors(i)[kFocal] = 0;
     }
   }
   const std::optional<PriorScales> scales = EstimatePriorScales(cost, problem.layout, scaled.free);

@@ -9,30 +9,16 @@ namespace volalign::refine_internal {
 
 namespace {
 
-/// Adds a lens that is known, if a sensor needs it.
-std::vector<SensorLens> WithKnownLens(std::vector<SensorLens> lenses,
-                                      const std::vector<FrameInput>& frames) {
-  if (std::any_of(frames.begin(), frames.end(), [](const auto& f) { return f.lens < 0; }))
-    lenses.emplace_back();
-  return lenses;
-}
-
-/// `known_lens`: index of the known lens. Sensors are numbered in the order in which they first
-/// occur.
-std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames,
-                                     std::size_t known_lens) {
+/// Sensors are numbered in the order in which they first occur.
+std::vector<FrameOf> WhatFramesAreOf(const std::vector<FrameInput>& frames) {
   std::vector<FrameOf> frame_of;
-  frame_of.reserve(frames.size());
-  std::map<int, int> numbers;
-  int count = 0;
+  std::map<int, std::size_t> numbers;
+  std::size_t count = 0;
   for (const FrameInput& frame : frames) {
-    FrameOf of;
-    of.capture = frame.capture;
-    of.lens = frame.lens < 0 ? static_cast<int>(known_lens) : frame.lens;
-    of.sensor = count;
-    if (frame.sensor >= 0) of.sensor = numbers.emplace(frame.sensor, count).first->second;
-    count = std::max(count, of.sensor + 1);
-    frame_of.push_back(of);
+    const std::size_t sensor =
+        frame.sensor < 0 ? count : numbers.emplace(frame.sensor, count).first->second;
+    count = std::max(count, sensor + 1);
+    frame_of.push_back({sensor, frame.capture, frame.lens});
   }
   return frame_of;
 }
@@ -47,8 +33,8 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       setup(setup_in),
       model(structure_in),
       priors(refine_internal::PriorsOf(setup_in.prior, structure_in.boxes().size())),
-      lenses(WithKnownLens(lenses_in, frames_in)),
-      frame_of(WhatFramesAreOf(frames_in, lenses_in.size())),
+      lenses(lenses_in),
+      frame_of(WhatFramesAreOf(frames_in)),
       layout(frame_of, captures, model.size(), lenses.size()) {
   overlap_points.resize(frames.size());
   ParallelFor(frames.size(), setup.schedule.threads, [&](std::size_t i) {
@@ -65,12 +51,12 @@ bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {
   if (setup.schedule.max_overlap_points == 0 || frame_of[a].sensor == frame_of[b].sensor ||
       frame_of[a].capture != frame_of[b].capture)
     return false;
-  const auto is_in = [&](int sensor, int capture) {
+  const auto is_in = [&](std::size_t sensor, std::size_t capture) {
     return std::any_of(frame_of.begin(), frame_of.end(), [&](const FrameOf& of) {
       return of.sensor == sensor && of.capture == capture;
     });
   };
-  for (int capture = 0; capture < frame_of[a].capture; ++capture) {
+  for (std::size_t capture = 0; capture < frame_of[a].capture; ++capture) {
     if (is_in(frame_of[a].sensor, capture) && is_in(frame_of[b].sensor, capture)) return false;
   }
   return true;

@@ -21,11 +21,10 @@ namespace volalign {
 struct FrameInput {
   std::shared_ptr<const SensorPoints> points;
   Pose start = Pose::Identity();  ///< where the solution begins
-  /// Index into the lenses; -1: its lens is known.
-  int lens = -1;
+  std::size_t lens = 0;           ///< index into the lenses
   /// Index of the sensor among those of all captures; -1: one of its own.
   int sensor = -1;
-  int capture = 0;  ///< index into the placements
+  std::size_t capture = 0;  ///< index into the placements
   /// A prior of the pose first_from_sensor. Its world is brought near the structure frame of the
   /// first capture; what PosePrior::world leaves open is estimated.
   std::optional<PosePrior> prior = {};
@@ -39,7 +38,7 @@ inline const Eigen::Vector3d kFoundLens(0.003, 0.006, 0.01);
 /// Everything that is given and constant while the parameters are sought. Refers to its arguments.
 struct JointProblem {
   JointProblem(const Structure& structure, const std::vector<FrameInput>& frames,
-               const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
+               const RefineSetup& setup, const std::vector<SensorLens>& lenses = {SensorLens()},
                std::size_t captures = 1);
 
   const Structure& structure;  ///< as described
@@ -47,7 +46,6 @@ struct JointProblem {
   RefineSetup setup;
   BuildModel model;
   Priors priors;  ///< without those of a lens
-  /// The given ones, then one for all sensors whose lens is known, if there are any.
   std::vector<SensorLens> lenses;
   std::vector<FrameOf> frame_of;  ///< of each of `frames`
   ParameterLayout layout;
@@ -58,15 +56,13 @@ struct JointProblem {
   /// that remain after all evidence, not those of an unknown lens.
   Priors PriorsOf(std::size_t i) const {
     Priors own = priors;
-    const auto lens = static_cast<std::size_t>(frame_of[i].lens);
-    own.lens = lenses[lens].prior_sigmas.cwiseMin(kFoundLens);
-    own.focal = lenses[lens].own_focal_sigma;
+    const SensorLens& lens = lenses[frame_of[i].lens];
+    own.lens = lens.prior_sigmas.cwiseMin(kFoundLens);
+    own.focal = lens.own_focal_sigma;
     return own;
   }
   /// A frame's kind of device, see SensorFrame::sensor; empty: unknown.
-  const std::string& KindOf(std::size_t i) const {
-    return lenses[static_cast<std::size_t>(frame_of[i].lens)].sensor;
-  }
+  const std::string& KindOf(std::size_t i) const { return lenses[frame_of[i].lens].sensor; }
   /// Does the overlap of two frames count? They have to be of one capture. No earlier capture may
   /// have both sensors: it measured the surroundings already, with the same errors.
   bool OverlapCounts(std::size_t a, std::size_t b) const;

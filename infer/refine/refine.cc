@@ -111,7 +111,7 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
                 std::vector<Disagreement>(frames.size())};
   if (setup.free.scale_priors) agreed = ExcludeDisagreeing(problem, asked_for, solution);
   CentreBoxes(problem, &agreed.solution);
-  RefineResult result = MakeResult(problem, agreed, lenses.size());
+  RefineResult result = MakeResult(problem, agreed);
   if (setup.is_final && !setup.is_final(result)) return result;
   AddUncertainties(problem, agreed, unsolved, PosteriorOf(problem, agreed.solution, asked_for),
                    &result);

@@ -161,7 +161,8 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// widened by how far the poses would move otherwise. A prior of 1 m and 1 rad bounds directions
 /// that nothing constrains. Throws DataError for a start that is not finite.
 RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& frames,
-                    const RefineSetup& setup, const std::vector<SensorLens>& lenses = {},
+                    const RefineSetup& setup,
+                    const std::vector<SensorLens>& lenses = {SensorLens()},
                     const std::vector<Pose>& placements = {Pose::Identity()});
 
 }  // namespace volalign

@@ -34,7 +34,7 @@ Matrix6d CovarianceInFirst(const JointProblem& problem, const Posterior& posteri
                            const Pose& placement, std::size_t frame, const Matrix6d& covariance) {
   const Matrix6d turned = Adjoint(placement);
   Matrix6d in_first = turned * covariance * turned.transpose();
-  const auto capture = static_cast<std::size_t>(problem.frame_of[frame].capture);
+  const auto capture = problem.frame_of[frame].capture;
   if (capture == 0) return in_first;
   const Eigen::Index p = problem.layout.Placement(capture), t = problem.layout.Pose(frame);
   const Matrix6d cross = posterior.covariance.block<6, 6>(p, t) * turned.transpose();
@@ -49,7 +49,7 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
   frame.structure_from_sensor = state.poses[i].ToPose();
   if (free.offset && frame.solved) frame.depth_offset = state.offsets[i];
   if (free.gain && frame.solved) frame.depth_gain = 1 + state.Errors(i)[kGain];
-  if (free.lens[state.LensOf(i)] && frame.solved) frame.own_focal = state.Errors(i)[kFocal];
+  if (free.lens[state.frame_of[i].lens] && frame.solved) frame.own_focal = state.Errors(i)[kFocal];
   frame.noise = observed[i].noise;
   frame.disagreement = agreed.measured[i].cost;
   if (const std::optional<ExcludedFrame>& excluded = agreed.of[i]) {
@@ -62,7 +62,7 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
                                    excluded->alone.Built(i)};
   }
   frame.first_from_sensor =
-      state.placements[state.CaptureOf(i)].ToPose() * frame.structure_from_sensor;
+      state.placements[state.frame_of[i].capture].ToPose() * frame.structure_from_sensor;
   return frame;
 }
 
@@ -77,8 +77,9 @@ void AddUncertainty(const JointProblem& problem, const Agreed& agreed,
   frame->covariance = (block + block.transpose()) / 2;
   if (agreed.of[i]) frame->covariance = agreed.of[i]->covariance;
   frame->problem = Problem(unsolved[i], posterior.exact);
-  frame->first_covariance = CovarianceInFirst(
-      problem, posterior, state.placements[state.CaptureOf(i)].ToPose(), i, frame->covariance);
+  frame->first_covariance =
+      CovarianceInFirst(problem, posterior, state.placements[state.frame_of[i].capture].ToPose(), i,
+                        frame->covariance);
 }
 
 std::vector<RefinedBox> BoxResults(const JointProblem& problem, const Agreed& agreed,
@@ -188,7 +189,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
   std::vector<RefinedPair> pairs;
   for (std::size_t a = 0; a < problem.size(); ++a) {
     for (std::size_t b = a + 1; b < problem.size(); ++b) {
-      if (state.CaptureOf(a) == state.CaptureOf(b))
+      if (state.frame_of[a].capture == state.frame_of[b].capture)
         pairs.push_back({static_cast<int>(a), static_cast<int>(b)});
     }
   }
@@ -247,7 +248,7 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (agreed.solution.fixed[i]) continue;
     add_own(Kind::kDepthOffset, i, layout.Offset(i));
-    if (sensors.insert(agreed.solution.state.SensorOf(i)).second)
+    if (sensors.insert(agreed.solution.state.frame_of[i].sensor).second)
       add_own(Kind::kDepthGain, i, layout.Error(i, kGain));
   }
   return quantities;
@@ -268,8 +269,7 @@ std::vector<RefinedPlacement> PlacementResults(const JointProblem& problem, cons
 
 }  // namespace
 
-RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
-                        std::size_t given_lenses) {
+RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed) {
   const auto& [free, state, observed, fixed, overlaps] = agreed.solution;
   RefineResult result;
   for (std::size_t i = 0; i < problem.size(); ++i)
@@ -282,7 +282,7 @@ RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
   result.structure_from_world = state.world.ToPose();
   result.world_scale = std::exp(state.world_scale);
   result.converged = state.converged;
-  for (std::size_t lens = 0; lens < given_lenses; ++lens)
+  for (std::size_t lens = 0; lens < state.lenses.size(); ++lens)
     result.lenses.push_back({state.lenses[lens], free.lens[lens] != 0});
   return result;
 }

@@ -12,10 +12,8 @@
 
 namespace volalign::refine_internal {
 
-/// The result without covariances, sigmas and pairs. `given_lenses`: number of the problem's lenses
-/// that the caller gave.
-RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed,
-                        std::size_t given_lenses);
+/// The result without covariances, sigmas and pairs.
+RefineResult MakeResult(const JointProblem& problem, const Agreed& agreed);
 
 /// Adds covariances, sigmas and pairs. `unsolved`: frames whose part of the problem could not be
 /// solved.

@@ -41,7 +41,7 @@ void SetLineTolerance(const JointProblem& problem, double tolerance, Solution* s
 
 bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t capture, int box) {
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (solution.fixed[i] || solution.state.CaptureOf(i) != capture) continue;
+    if (solution.fixed[i] || solution.state.frame_of[i].capture != capture) continue;
     for (const FaceObservation& face : solution.observed[i].faces) {
       if (problem.structure.SideOfLabel(face.label).box == box) return true;
     }
@@ -77,7 +77,7 @@ void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solutio
   State& state = solution->state;
   state.offsets[frame] = 0;
   for (std::size_t i = 0; i < problem.size(); ++i) {
-    if (state.SensorOf(i) == state.SensorOf(frame) && !solution->fixed[i]) return;
+    if (state.frame_of[i].sensor == state.frame_of[frame].sensor && !solution->fixed[i]) return;
   }
   state.Errors(frame).setZero();
 }

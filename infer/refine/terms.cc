@@ -38,7 +38,7 @@ void AddOverlapTerms(const JointProblem& problem, const std::vector<FrameObserva
                           through_lens(j, *match.plane, match.multipath_plane), match.plane->normal,
                           1 / (pair.excess * match.sigma)});
     }
-    const bool shared = state->LensOf(i) == state->LensOf(j);
+    const bool shared = state->frame_of[i].lens == state->frame_of[j].lens;
     std::vector<double*> blocks = {
         state->poses[i].values,  state->poses[j].values,  &state->offsets[i],   &state->offsets[j],
         state->Errors(i).data(), state->Errors(j).data(), state->Lens(i).data()};
@@ -56,15 +56,15 @@ void AddStructureTerms(const JointProblem& problem, const FrameObservations& obs
   if (observed.faces.empty()) return;
   ceres->AddResidualBlock(new SensorCost(problem.model, observed), nullptr, state->poses[i].values,
                           &state->offsets[i], state->Errors(i).data(), state->Lens(i).data(),
-                          &state->size, state->boxes[state->CaptureOf(i)].data(),
-                          state->bulges[state->CaptureOf(i)].data());
+                          &state->size, state->boxes[state->frame_of[i].capture].data(),
+                          state->bulges[state->frame_of[i].capture].data());
 }
 
 /// A sensor stays where it is between captures, and so nearly does its depth offset. Each of its
 /// frames is tied to its first one that is not fixed.
 void AddTies(const JointProblem& problem, const std::vector<char>& fixed, State* state,
              ceres::Problem* ceres) {
-  std::map<int, std::size_t> first_of;
+  std::map<std::size_t, std::size_t> first_of;
   for (std::size_t i = 0; i < problem.size(); ++i) {
     if (fixed[i]) continue;
     const auto [entry, is_first] = first_of.emplace(problem.frame_of[i].sensor, i);
@@ -72,9 +72,10 @@ void AddTies(const JointProblem& problem, const std::vector<char>& fixed, State*
     const std::size_t first = entry->second;
     ceres->AddResidualBlock(TieCost(problem.setup.prior.sensor_moved_sigma_m,
                                     problem.setup.prior.sensor_moved_sigma_deg * kDegree),
-                            nullptr, state->placements[state->CaptureOf(first)].values,
+                            nullptr, state->placements[state->frame_of[first].capture].values,
                             state->poses[first].values,
-                            state->placements[state->CaptureOf(i)].values, state->poses[i].values);
+                            state->placements[state->frame_of[i].capture].values,
+                            state->poses[i].values);
     ceres->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,
                             &state->offsets[first], &state->offsets[i]);
   }
@@ -86,12 +87,12 @@ void AddPosePriors(const JointProblem& problem, const std::vector<char>& fixed, 
   std::vector<char> has_prior(state->errors.size(), 0);
   for (std::size_t i = 0; i < problem.size(); ++i) {
     const std::optional<PosePrior>& prior = problem.frames[i].prior;
-    if (fixed[i] || !prior || has_prior[state->SensorOf(i)]) continue;
-    has_prior[state->SensorOf(i)] = 1;
+    if (fixed[i] || !prior || has_prior[state->frame_of[i].sensor]) continue;
+    has_prior[state->frame_of[i].sensor] = 1;
     std::vector<double*> blocks;
     if (prior->world != PriorWorld::kStructure) blocks.push_back(state->world.values);
     if (prior->world == PriorWorld::kScaleFree) blocks.push_back(&state->world_scale);
-    blocks.push_back(state->placements[state->CaptureOf(i)].values);
+    blocks.push_back(state->placements[state->frame_of[i].capture].values);
     blocks.push_back(state->poses[i].values);
     ceres->AddResidualBlock(KnownPoseCost(*prior), nullptr, blocks);
   }

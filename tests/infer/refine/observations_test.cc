@@ -499,7 +499,6 @@ TEST(ChooseOverlapPoints, ChangesLittleWithThePose) {
 TEST(FindOverlaps, TrustsTheKindWhereNothingIsMeasured) {
   TwoSensors two(Strip(true, 2), Strip(true, 2));
   SensorLens lens;
-  for (FrameInput& frame : two.frames) frame.lens = 0;
   for (const char* kind : {"realsense_d415", "kinect_v1", "azure_kinect"}) {
     lens.sensor = kind;
     const JointProblem problem(two.structure, two.frames, two.options, {lens});

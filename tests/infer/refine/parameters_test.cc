@@ -119,9 +119,10 @@ void ExpectColumnsOfTheJacobian(int lens_count) {
   std::vector<SensorLens> lenses(static_cast<std::size_t>(lens_count));
   for (std::size_t i = 0; i < 3; ++i) {
     const Pose start = Displaced(*rig.frames[i].ground_truth, 0.01, 0.5, i);
-    const int sensor = i == 1 ? 1 : 0;
+    const std::size_t sensor = i == 1 ? 1 : 0;
     points[i].intrinsics = rig.frames[i].intrinsics;
-    frames.push_back({Borrowed(points[i]), start, sensor % lens_count, sensor, i == 2 ? 1 : 0});
+    frames.push_back({Borrowed(points[i]), start, sensor % lenses.size(), static_cast<int>(sensor),
+                      i == 2 ? 1u : 0u});
   }
   for (std::size_t i = 0; i < 2; ++i)
     frames[i].prior =
@@ -271,7 +272,7 @@ struct Handmade {
     const std::vector<Pose> poses = {RingPose(20), RingPose(70), RingPose(140)};
     for (int i = 0; i < 3; ++i) {
       const Pose& pose = poses[static_cast<std::size_t>(i)];
-      frames.push_back({Borrowed(nothing), pose, -1, i / 2, i == 0 ? 0 : 1});
+      frames.push_back({Borrowed(nothing), pose, 0, i / 2, i == 0 ? 0u : 1u});
     }
     const JointProblem problem = Problem();
     solution.state = NominalState(structure, poses, problem.lenses, problem.frame_of,
@@ -284,7 +285,7 @@ struct Handmade {
     solution.fixed = {0, 0, 1};
     solution.observed.resize(3);
   }
-  JointProblem Problem() const { return {structure, frames, options, {}, 2}; }
+  JointProblem Problem() const { return {structure, frames, options, {SensorLens()}, 2}; }
 
  private:
   int next_ = 1;
@@ -295,7 +296,7 @@ Pose SensorFromBox(const State& state, std::size_t frame, std::size_t box) {
 }
 
 Pose FirstFromSensor(const State& state, std::size_t frame) {
-  return state.placements[state.CaptureOf(frame)].ToPose() * state.poses[frame].ToPose();
+  return state.placements[state.frame_of[frame].capture].ToPose() * state.poses[frame].ToPose();
 }
 
 TEST(CentreBoxes, MovesNothingAgainstAnythingElse) {

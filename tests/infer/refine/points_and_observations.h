@@ -19,7 +19,7 @@ namespace volalign::refine_internal {
 /// Of so many frames, each of a sensor of its own, all in one capture, with one lens.
 inline std::vector<FrameOf> EachItsOwn(std::size_t frames) {
   std::vector<FrameOf> each(frames);
-  for (std::size_t i = 0; i < frames; ++i) each[i].sensor = static_cast<int>(i);
+  for (std::size_t i = 0; i < frames; ++i) each[i].sensor = i;
   return each;
 }
 

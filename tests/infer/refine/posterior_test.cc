@@ -462,7 +462,7 @@ TEST(ExcludeDisagreeing, AFrameFartherOffThanItsNoiseModelOnlyIfItsSensorHasAnot
       scene.frames[4].capture = 1;
     }
     scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
-                                                   std::vector<SensorLens>(), 2);
+                                                   std::vector<SensorLens>(1), 2);
     const Pose elsewhere = scene.poses[1] * scene.poses[4].inverse();
     scene.solution.state = NominalState(scene.structure, scene.poses, scene.problem->lenses,
                                         scene.problem->frame_of, {Pose::Identity(), elsewhere});
@@ -512,7 +512,7 @@ TEST(ExcludeDisagreeing, OfTwoSensorsNeitherIsWrongHoweverManyFramesTheyHave) {
   for (std::size_t i = 0; i < 3; ++i) scene.frames[i].sensor = i == 0 ? 0 : 1;
   scene.frames[2].capture = 1;
   scene.problem = std::make_unique<JointProblem>(scene.structure, scene.frames, scene.options,
-                                                 std::vector<SensorLens>(), 2);
+                                                 std::vector<SensorLens>(1), 2);
   scene.solution.state =
       NominalState(scene.structure, scene.poses, scene.problem->lenses, scene.problem->frame_of,
                    std::vector<Pose>(2, Pose::Identity()));

@@ -21,7 +21,7 @@ struct TwoCaptures {
   Neighbours neighbours;
   std::vector<FrameInput> frames;
   RefineOptions options;
-  std::vector<SensorLens> lenses{1};
+  std::vector<SensorLens> lenses{2};  // the second is known
   std::vector<Pose> placements{Pose::Identity(), MakePose({0, 0.6, 0}, {0.4, 0, -0.3})};
   std::optional<JointProblem> problem;
   Agreed agreed;
@@ -31,11 +31,11 @@ struct TwoCaptures {
   TwoCaptures() {
     lenses[0].sensor = "kind";
     lenses[0].prior_sigmas = Eigen::Vector3d::Constant(0.01);
-    for (int i = 0; i < 4; ++i) {
-      FrameInput frame = neighbours.frames[static_cast<std::size_t>(i % 2)];
-      frame.sensor = i % 2;
+    for (std::size_t i = 0; i < 4; ++i) {
+      FrameInput frame = neighbours.frames[i % 2];
+      frame.sensor = static_cast<int>(i % 2);
       frame.capture = i / 2;
-      frame.lens = i % 2 == 0 ? 0 : -1;
+      frame.lens = i % 2;
       frames.push_back(frame);
     }
     problem.emplace(neighbours.rig.structure, frames, options, lenses, 2);
@@ -73,7 +73,7 @@ struct TwoCaptures {
     agreed.solution.state.errors.assign(2, SensorErrorVector::Zero());
   }
   RefineResult Result() const {
-    RefineResult result = MakeResult(*problem, agreed, lenses.size());
+    RefineResult result = MakeResult(*problem, agreed);
     AddUncertainties(*problem, agreed, unsolved, posterior, &result);
     return result;
   }
@@ -202,7 +202,8 @@ TEST(MakeResult, PlacementsBoxesSizeAndLens) {
     return std::sqrt(two.posterior.covariance(column, column));
   };
   EXPECT_NEAR(result.sigma_size_scale, sigma(two.problem->layout.Size()), 1e-12);
-  ASSERT_EQ(result.lenses.size(), 1u) << "those that were given, not the known one";
+  ASSERT_EQ(result.lenses.size(), 2u);
+  EXPECT_FALSE(result.lenses[1].estimated);
   EXPECT_TRUE(result.lenses[0].estimated);
   EXPECT_EQ(result.lenses[0].change, LensChange(0.001, 0.002, 0.003));
   EXPECT_NEAR(result.lenses[0].sigmas[1], sigma(two.problem->layout.Lens(0) + 1), 1e-12);
