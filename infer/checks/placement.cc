@@ -74,8 +74,8 @@ bool Contains(const std::vector<std::size_t>& frames, std::size_t frame) {
 std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
                                              const SegmentationResult& segmentation,
                                              const LocateOptions& options) {
-  SensorPoints points = SamplePoints(seen.views[id], segmentation, seen.input->structure,
-                                     options.refine, kLeastConfidence);
+  SensorPoints points =
+      SamplePoints(seen.views[id], segmentation, seen.input->structure, options.refine);
   points.cloud = seen.clouds[id];
   points.intrinsics = seen.lenses.Effective(id);
   points.lens = seen.lenses.ChangeOf(id);
@@ -104,10 +104,10 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
 
   const OwnPose own = RefineTwice(seen, id, labelled, {}, options);
   const Pose& pose = own.structure_from_sensor;
-  const LocateFacts facts{ExplainView(view, labelled.ByNetwork(), structure, pose,
-                                      options.refine.box_sigma_m, kLeastConfidence),
-                          ConfirmedLabels(view, initial.patches, structure, pose),
-                          LargestSigmaPosition(pose, own.covariance), &initial};
+  const LocateFacts facts{
+      ExplainView(view, labelled.ByNetwork(), structure, pose, options.refine.box_sigma_m),
+      ConfirmedLabels(view, initial.patches, structure, pose),
+      LargestSigmaPosition(pose, own.covariance), &initial};
   if (std::optional<Finding> failure = VerifyOwnPose(facts, structure, options.verdict)) {
     return *std::move(failure);
   }

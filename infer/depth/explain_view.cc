@@ -53,15 +53,13 @@ double ViewExplanation::LogOddsByOutline() const {
 
 ViewExplanation ExplainView(const SensorView& view, const SegmentationResult* segmentation,
                             const Structure& structure, const Pose& structure_from_sensor,
-                            double sigma_m, double min_confidence) {
+                            double sigma_m) {
   const ExpectedView expected = CastView(structure, view.rays, structure_from_sensor);
   ViewExplanation explanation;
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
       const double depth = view.depth(u, v), expected_depth = expected.depth(u, v);
-      const int label = segmentation && segmentation->confidence(u, v) >= min_confidence
-                            ? segmentation->labels(u, v)
-                            : 0;
+      const int label = segmentation ? segmentation->LabelAt(u, v) : 0;
       if (!(expected_depth > 0) && (label == 0 || !(depth > 0))) continue;
       const double cells = CellsOf(view, u, v);
       CauseShares share = {};

@@ -42,9 +42,9 @@ struct ViewExplanation {
 
 /// Explains a view by the structure at a pose. `sigma_m`: standard deviation of the structure's
 /// surface, m, by the pose and the boxes' places. `segmentation`: of a network, or null if labels
-/// say nothing. Labels with less than `min_confidence` are none.
+/// say nothing.
 ViewExplanation ExplainView(const SensorView& view, const SegmentationResult* segmentation,
                             const Structure& structure, const Pose& structure_from_sensor,
-                            double sigma_m, double min_confidence);
+                            double sigma_m);
 
 }  // namespace volalign

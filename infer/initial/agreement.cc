@@ -17,8 +17,7 @@ Agreement CompareWithView(const SensorView& view, const SegmentationResult& segm
     const double measured = view.depth(u, v);
     const double tolerance_m = tolerance(measured);
     const double expected_m = expected.depth(u, v);
-    const int predicted =
-        segmentation.confidence(u, v) >= kLeastConfidence ? segmentation.labels(u, v) : 0;
+    const int predicted = segmentation.LabelAt(u, v);
     const bool labelled = predicted > 0 && predicted < structure.num_classes();
     bool explained = false;
     if (expected_m > 0) {

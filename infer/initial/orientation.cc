@@ -37,8 +37,8 @@ bool IsSettled(const LabelContext& context, const SensorView& view, const Labell
   const Pose& pose = labelling.initial.structure_from_sensor;
   const int stride = StrideForRays(view.depth.size(), kCoarseRays);
   const SegmentationResult labels = Decimate(labelling.segmentation, stride);
-  const ViewExplanation by_view = ExplainView(Decimate(view, stride), &labels, context.structure,
-                                              pose, kRoughPose, kLeastConfidence);
+  const ViewExplanation by_view =
+      ExplainView(Decimate(view, stride), &labels, context.structure, pose, kRoughPose);
   const double decisive = std::log(kDecisiveOdds);
   return by_view.LogOddsByDepth() + by_view.LogOddsByLabels() >= decisive &&
          FloorMargin(view, context.structure, context.symmetries, pose) >= decisive;

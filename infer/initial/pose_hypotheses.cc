@@ -100,7 +100,7 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
   for (std::size_t k = 0; k < poses.size(); ++k) {
     Hypothesis& each = (*hypotheses)[k];
     const auto explain = [&](const SegmentationResult* by) {
-      return ExplainView(coarse.view, by, structure, poses[k], kRoughPose, kLeastConfidence);
+      return ExplainView(coarse.view, by, structure, poses[k], kRoughPose);
     };
     ViewExplanation best = explain(nullptr);
     each.by_floor = floors[k].LogOdds();

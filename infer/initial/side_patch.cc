@@ -34,9 +34,9 @@ std::vector<std::vector<int>> PixelsByLabel(const SensorView& view,
                                             int num_classes) {
   std::vector<std::vector<int>> pixels(static_cast<std::size_t>(num_classes));
   view.VisitMeasured(1, [&](int u, int v) {
-    const std::uint8_t label = segmentation.labels(u, v);
-    if (label > 0 && label < num_classes && segmentation.confidence(u, v) >= kLeastConfidence)
-      pixels[label].push_back(v * view.width() + u);
+    const int label = segmentation.LabelAt(u, v);
+    if (label > 0 && label < num_classes)
+      pixels[static_cast<std::size_t>(label)].push_back(v * view.width() + u);
   });
   return pixels;
 }

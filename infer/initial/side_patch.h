@@ -9,8 +9,6 @@
 
 namespace volalign {
 
-/// Least probability at which a pixel's label counts.
-inline constexpr double kLeastConfidence = 0.5;
 /// Least pixels on the plane of a side that counts as found.
 inline constexpr int kFewestSidePixels = 25;
 

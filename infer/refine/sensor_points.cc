@@ -159,10 +159,8 @@ SampledCloud SampleCloud(const SensorView& view) {
 }
 
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
-                          const Structure& structure, const RefineOptions& options,
-                          double min_confidence) {
-  const ConfidentSides sides{view, segmentation, static_cast<std::size_t>(structure.num_classes()),
-                             min_confidence};
+                          const Structure& structure, const RefineOptions& options) {
+  const ConfidentSides sides{view, segmentation, static_cast<std::size_t>(structure.num_classes())};
   SensorPoints points;
   points.side_points = SampleSidePoints(sides, options.max_side_points);
   points.edge_points =

@@ -90,12 +90,11 @@ struct SensorPoints {
 /// The points of a view that have a normal, from every second pixel of every second row.
 SampledCloud SampleCloud(const SensorView& view);
 
-/// The labelled points of a view, without a cloud. Labels have at least `min_confidence`. There are
-/// at most RefineOptions::max_side_points, and at most max_edge_points silhouettes. The same view
-/// always gives the same points.
+/// The labelled points of a view, without a cloud. There are at most
+/// RefineOptions::max_side_points, and at most max_edge_points silhouettes. The same view always
+/// gives the same points.
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
-                          const Structure& structure, const RefineOptions& options,
-                          double min_confidence);
+                          const Structure& structure, const RefineOptions& options);
 
 /// Unit normal towards the sensor of the surface at a pixel: the plane through its (2 radius + 1)^2
 /// neighbours on the same surface. Returns false if too few neighbours have depth, or if they are

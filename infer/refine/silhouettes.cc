@@ -48,9 +48,8 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
     if (!view.depth.Contains(x, y)) return false;
     const double z = view.depth(x, y);
     if (!(z > 0) || std::abs(plane.normal.dot(view.Point(x, y)) - plane.offset) > kOnPlane) break;
-    const int other = sides.segmentation.labels(x, y);
     // On another side in the same plane, or back on the same side if the walk began too early.
-    if (other > 0 && sides.segmentation.confidence(x, y) >= sides.min_confidence) return false;
+    if (sides.segmentation.LabelAt(x, y) > 0) return false;
     walk->u = x;
     walk->v = y;
   }

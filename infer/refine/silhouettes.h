@@ -14,14 +14,11 @@ struct ConfidentSides {
   const SensorView& view;
   const SegmentationResult& segmentation;
   std::size_t classes;
-  double min_confidence;
 
   /// The side that a pixel with depth confidently shows, or 0.
   int At(int u, int v) const {
-    const int label = segmentation.labels(u, v);
-    const bool usable = label > 0 && static_cast<std::size_t>(label) < classes &&
-                        view.depth(u, v) > 0 && segmentation.confidence(u, v) >= min_confidence;
-    return usable ? label : 0;
+    const int label = segmentation.LabelAt(u, v);
+    return static_cast<std::size_t>(label) < classes && view.depth(u, v) > 0 ? label : 0;
   }
 };
 

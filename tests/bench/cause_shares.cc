@@ -96,7 +96,7 @@ std::vector<Pose> MeasureViews(const Sensor& sensor, const Structure& structure,
   const auto print = [&](const std::string& what, const Structure& seen, const Pose& pose) {
     const ViewExplanation view =
         ExplainView(sensor.view, &seen == &structure ? sensor.segmentation.get() : nullptr, seen,
-                    pose, kSigmaOfBoxes, kLeastConfidence);
+                    pose, kSigmaOfBoxes);
     Print(what, sensor.name, view.causes, view.named_so, view.named_otherwise, view.labelled_on);
   };
   print("view\tright", structure, sensor.pose);
@@ -137,8 +137,8 @@ void MeasureSensor(const std::vector<Sensor>& sensors, std::size_t i,
   }
   const std::vector<FloorFit> floors = FindFloors(sensor.view, structure, poses);
   for (std::size_t k = 0; k < poses.size(); ++k) {
-    const ViewExplanation view = ExplainView(sensor.view, sensor.segmentation.get(), structure,
-                                             poses[k], kSigmaOfBoxes, kLeastConfidence);
+    const ViewExplanation view =
+        ExplainView(sensor.view, sensor.segmentation.get(), structure, poses[k], kSigmaOfBoxes);
     const std::string pose = k == 0 ? "right" : "wrong";
     fmt::print("sensor\t{}\t{}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{:.4f}\t{}\n", pose, sensor.name,
                view.LogOddsByDepth(), view.LogOddsByOutline(), view.LogOddsByLabels(),

@@ -68,7 +68,7 @@ void RefineStatistically(const SuiteCapture& capture, int threads, MethodResult*
     FrameInput frame;
     SensorPoints points =
         SamplePoints(view, LabelsAt(view, capture.evaluation.structure, *initial[i]),
-                     capture.evaluation.structure, options, 1);
+                     capture.evaluation.structure, options);
     points.cloud = SampleCloud(view);
     frame.points = std::make_shared<const SensorPoints>(std::move(points));
     frame.start = *initial[i];

@@ -58,7 +58,7 @@ struct Seen {
 TEST(ExplainView, CountsCells) {
   const Seen seen;
   const ViewExplanation view = ExplainView(MakeSensorView(seen.depth, Coarse()), &seen.segmentation,
-                                           LeftBox(), Pose::Identity(), 0.004, 0.5);
+                                           LeftBox(), Pose::Identity(), 0.004);
   // Within 1 %, as each point may be something else to that extent.
   EXPECT_NEAR(view.of(Cause::kMissing), CellsOfColumn(0), 1e-6);
   EXPECT_NEAR(view.of(Cause::kBefore), CellsOfColumn(1), 0.01);
@@ -77,7 +77,7 @@ TEST(ExplainView, ManyRaysSayNoMoreThanFew) {
   const Seen seen;
   const SensorView view = MakeSensorView(seen.depth, Coarse());
   const auto explain = [&](const SensorView& of) {
-    return ExplainView(of, nullptr, LeftBox(), Pose::Identity(), 0.004, 0.5);
+    return ExplainView(of, nullptr, LeftBox(), Pose::Identity(), 0.004);
   };
   const ViewExplanation all = explain(view), few = explain(Decimate(view, 2));
   double cells = 0, of_few = 0;
@@ -98,7 +98,7 @@ TEST(ExplainView, TellsRightFromWrongWhateverIsHidden) {
   const SyntheticView rendered = Render(structure, Kinect(), pose, {true, 3});
   SensorView view = MakeSensorView(rendered.depth, Kinect());
   const auto log_odds = [&](const Pose& at) {
-    return ExplainView(view, nullptr, structure, at, 0.004, 0.5).LogOddsByDepth();
+    return ExplainView(view, nullptr, structure, at, 0.004).LogOddsByDepth();
   };
   const Pose turned = Pose(Eigen::Translation3d(0, 0.4, 0) *
                            Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitY())) *

@@ -212,7 +212,7 @@ TEST(SidePoints, OfLabelsThatDifferALittleAreMostlyTheSame) {
     RefineOptions options;
     options.max_side_points = 1000;
     for (const SidePoint& point :
-         SamplePoints(view, Certain(labels), rig.structure, options, 0.5).side_points)
+         SamplePoints(view, Certain(labels), rig.structure, options).side_points)
       points.push_back({point.p.x(), point.p.y(), point.p.z()});
     std::sort(points.begin(), points.end());
     return points;
@@ -255,7 +255,7 @@ TEST(SidePoints, OfAStereoPairSayWhereItsMatcherAddsSome) {
           MakeSensorView(depth, rig.frames[i].intrinsics,
                          ErrorsOf(stereo ? "realsense_d415" : "azure_kinect_nfov_binned"));
       const SensorPoints sampled =
-          SamplePoints(view, Certain(labels), rig.structure, RefineOptions(), 0.5);
+          SamplePoints(view, Certain(labels), rig.structure, RefineOptions());
       for (const SidePoint& point : sampled.side_points) {
         const Side& side = rig.structure.SideOfLabel(point.label);
         const Eigen::Vector3d p = *rig.frames[i].ground_truth * point.p;
@@ -281,7 +281,7 @@ TEST(SidePoints, OfAStereoPairLieBesideHoles) {
         MakeSensorView(depth, rig.frames[0].intrinsics, ErrorsOf("realsense_d415"));
     RefineOptions all;
     all.max_side_points = static_cast<int>(depth.size());
-    const SensorPoints points = SamplePoints(view, Certain(rig.labels[0]), rig.structure, all, 0.5);
+    const SensorPoints points = SamplePoints(view, Certain(rig.labels[0]), rig.structure, all);
     return std::count_if(points.side_points.begin(), points.side_points.end(),
                          [](const SidePoint& point) { return point.lateral_sigma_rad == 0; });
   };
@@ -309,7 +309,7 @@ TEST(Silhouettes, LieAQuarterOfTheGapBeyondHalfAPixel) {
     const SensorView view = MakeSensorView(depth, Kinect());
     const SegmentationResult certain = Certain(labels);
     std::size_t count = 0;
-    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2, 0.5})) {
+    for (const EdgePoint& edge : FindSilhouettes({view, certain, 2})) {
       if (edge.axis != 0 || edge.outward.x() < 0) continue;
       ++count;
       EXPECT_NEAR(Kinect().fx * edge.p.x() / edge.p.z() + Kinect().cx, 180.5 + 0.25 * gap, 1e-3)

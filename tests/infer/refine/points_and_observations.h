@@ -42,8 +42,7 @@ inline std::vector<SensorPoints> PointsOf(const Rig& rig) {
   std::vector<SensorPoints> points;
   for (std::size_t i = 0; i < rig.frames.size(); ++i) {
     const SensorView view = MakeSensorView(rig.frames[i].depth, rig.frames[i].intrinsics);
-    points.push_back(
-        SamplePoints(view, Certain(rig.labels[i]), rig.structure, RefineOptions(), 0.5));
+    points.push_back(SamplePoints(view, Certain(rig.labels[i]), rig.structure, RefineOptions()));
     points.back().cloud = SampleCloud(view);
     points.back().intrinsics = rig.frames[i].intrinsics;
   }
