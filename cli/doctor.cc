@@ -25,7 +25,7 @@
 #include "core/nn/checkpoint.h"
 #include "render/egl/renderers.h"
 #ifdef VOLALIGN_HAS_INFER
-#include "infer/refine/ceres_version.h"
+#include "infer/refine/refine.h"
 #endif
 
 namespace volalign {

@@ -10,7 +10,6 @@
 #include "infer/lens/likelihood.h"
 #include "infer/refine/residuals.h"
 #include "infer/view/alike.h"
-#include "infer/view/prior_errors.h"
 
 namespace volalign::refine_internal {
 

@@ -1,5 +1,6 @@
 #include "infer/refine/refine.h"
 
+#include <ceres/version.h>
 #include <fmt/format.h>
 
 #include <Eigen/Eigenvalues>
@@ -10,7 +11,6 @@
 #include "core/base/error.h"
 #include "infer/refine/box_edges.h"
 #include "infer/refine/disagreement.h"
-#include "infer/refine/gauge.h"
 #include "infer/refine/posterior.h"
 #include "infer/refine/prior_scales.h"
 #include "infer/refine/refine_result.h"
@@ -119,5 +119,7 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
     result.wrong_edge = LikeliestEdge(problem, solution);
   return result;
 }
+
+std::string CeresVersion() { return CERES_VERSION_STRING; }
 
 }  // namespace volalign

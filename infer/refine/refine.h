@@ -165,4 +165,8 @@ RefineResult Refine(const Structure& structure, const std::vector<FrameInput>& f
                     const std::vector<SensorLens>& lenses = {SensorLens()},
                     const std::vector<Pose>& placements = {Pose::Identity()});
 
+/// The version of the Ceres that this library was built with, and its build options:
+/// "2.1.0-eigen-...".
+std::string CeresVersion();
+
 }  // namespace volalign

@@ -46,6 +46,12 @@ bool IsSeen(const JointProblem& problem, const Solution& solution, std::size_t c
 /// moves nothing, if they cannot be computed.
 bool Solve(const JointProblem& problem, Solution* solution);
 
+/// Fixes the gauge: no measurement shows whether all boxes move as one, and everything with them.
+/// Makes the mean displacement of the boxes zero in each capture. The priors nearly do so already.
+/// Poses and placements move with the boxes: a sensor keeps its place among the boxes and the other
+/// sensors. Fixed frames do not move.
+void CentreBoxes(const JointProblem& problem, Solution* solution);
+
 /// Can a frame be part of a solution: are its pose, its residuals and their covariance finite?
 bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t frame);
 

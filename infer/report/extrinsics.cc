@@ -12,7 +12,7 @@
 #include "core/base/text.h"
 #include "core/json/json_archive.h"
 #include "infer/calib/describe_result.h"
-#include "infer/refine/ceres_version.h"
+#include "infer/refine/refine.h"
 
 namespace volalign {
 

@@ -9,7 +9,6 @@
 #include "core/base/error.h"
 #include "core/geometry/lens.h"
 #include "infer/view/alike.h"
-#include "infer/view/prior_errors.h"
 
 namespace volalign {
 
@@ -53,6 +52,14 @@ SensorView MakeSensorView(const DepthImage& depth, const Intrinsics& intrinsics,
     if (!has_ray || !(view.depth[i] > 0) || !std::isfinite(view.depth[i])) view.depth[i] = 0;
   }
   return view;
+}
+
+DepthErrorModel PriorErrorsOf(const std::string& sensor) {
+  DepthErrorModel errors = ErrorsOf(sensor);
+  const DepthErrorModel unknown = ErrorsOf("");
+  errors.smooth_m = unknown.smooth_m;
+  errors.smooth_power = unknown.smooth_power;
+  return errors;
 }
 
 SensorView MakeSensorView(const SensorFrame& frame, const Intrinsics& intrinsics) {

@@ -18,7 +18,6 @@
 #include "core/geometry/frame_errors.h"
 #include "core/geometry/sensor_kind.h"
 #include "infer/refine/build_model.h"
-#include "infer/refine/gauge.h"
 #include "infer/refine/noise.h"
 #include "infer/refine/options.h"
 #include "infer/refine/pair_overlap.h"

@@ -13,7 +13,6 @@
 #include "infer/view/frames.h"
 #include "infer/view/network_frame.h"
 #include "infer/view/network_segmenter.h"
-#include "infer/view/prior_errors.h"
 #include "infer/view/segmentation.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
