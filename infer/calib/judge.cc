@@ -81,7 +81,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
       labelled.initial.patches, refined.refused_fit ? refined.refused_fit->built : built, pose);
   sensor->initial_rms_to_structure_m = FitToSurface(sensor->view, sensor->segmentation.labels,
                                                     joint.seen.input->structure, sensor->initial)
-                                           .rms_m;
+                                           .rms_to_structure_m;
   if (frame.ground_truth) {
     sensor->error = ComparePoses(pose, *frame.ground_truth);
     sensor->initial_error = ComparePoses(sensor->initial, *frame.ground_truth);

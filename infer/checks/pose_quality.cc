@@ -34,7 +34,7 @@ SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
     }
     if (distance <= tolerance(view.depth(u, v))) ++inliers;
   });
-  if (near > 0) fit.rms_m = std::sqrt(squares / near);
+  if (near > 0) fit.rms_to_structure_m = std::sqrt(squares / near);
   if (fit.points > 0) fit.inlier_share = static_cast<double>(inliers) / fit.points;
   return fit;
 }
@@ -60,13 +60,10 @@ std::vector<int> ConfirmedLabels(const SensorView& view, const std::vector<SideP
 PoseQuality MeasureQuality(const SensorView& view, const SegmentationResult& segmentation,
                            const std::vector<SidePatch>& patches, const Structure& structure,
                            const Pose& structure_from_sensor) {
-  const SurfaceFit fit = FitToSurface(view, segmentation.labels, structure, structure_from_sensor);
   const Agreement agreement = CompareWithView(view, segmentation, structure, structure_from_sensor,
                                               SurfaceTolerance::AtPose(view.errors));
-  PoseQuality quality{{},
-                      fit.points,
-                      fit.rms_m,
-                      fit.inlier_share,
+  PoseQuality quality{FitToSurface(view, segmentation.labels, structure, structure_from_sensor),
+                      {},
                       agreement.miou,
                       agreement.score(),
                       agreement.explained_share()};

@@ -16,22 +16,18 @@ namespace volalign {
 /// Point-to-surface residuals of the pixels with a side label and depth.
 struct SurfaceFit {
   int points = 0;
-  double rms_m = 0;         ///< of the points within 10 cm of the structure
-  double inlier_share = 0;  ///< share on the structure, by SurfaceTolerance::AtPose
+  double rms_to_structure_m = 0;  ///< of the points within 10 cm of the structure
+  double inlier_share = 0;        ///< share on the structure, by SurfaceTolerance::AtPose
 };
 SurfaceFit FitToSurface(const SensorView& view, const LabelImage& labels,
                         const Structure& structure, const Pose& structure_from_sensor);
 
 /// Measures of a pose that explains a frame.
-struct PoseQuality {
+struct PoseQuality : SurfaceFit {
   std::vector<std::string> sides;  ///< names of the ConfirmedLabels
-  // SurfaceFit.
-  int points = 0;
-  double rms_to_structure_m = 0;
-  double inlier_share = 0;
-  double miou = 0;             ///< predicted labels against those rendered at the pose
-  double label_iou = 0;        ///< Agreement::score
-  double explained_share = 0;  ///< Agreement::explained_share
+  double miou = 0;                 ///< predicted labels against those rendered at the pose
+  double label_iou = 0;            ///< Agreement::score
+  double explained_share = 0;      ///< Agreement::explained_share
 };
 
 /// Measures a pose of `structure`. `view`: with corrected depths. `patches`: of the view's sides.

@@ -228,12 +228,12 @@ TEST(FitToSurface, MeasuresADistanceThatIsKnown) {
     const SurfaceFit fit =
         FitToSurface(scene.view, scene.labels.labels, scene.structure, scene.pose);
     EXPECT_EQ(fit.points, 200);
-    EXPECT_NEAR(fit.rms_m, off, 1e-6);
+    EXPECT_NEAR(fit.rms_to_structure_m, off, 1e-6);
     EXPECT_EQ(fit.inlier_share, 1);
   }
   const HeadOn far(0.4 - 0.05);
   const SurfaceFit fit = FitToSurface(far.view, far.labels.labels, far.structure, far.pose);
-  EXPECT_NEAR(fit.rms_m, 0.05, 1e-6);
+  EXPECT_NEAR(fit.rms_to_structure_m, 0.05, 1e-6);
   EXPECT_EQ(fit.inlier_share, 0);
 }
 
@@ -247,7 +247,7 @@ TEST(FitToSurface, LeavesOutWhatIsFarOffAndWhatHasNoLabelOrDepth) {
   }
   const SurfaceFit fit = FitToSurface(scene.view, scene.labels.labels, scene.structure, scene.pose);
   EXPECT_EQ(fit.points, 160);
-  EXPECT_NEAR(fit.rms_m, std::sqrt(120.0 * 0.02 * 0.02 / 140), 1e-6);
+  EXPECT_NEAR(fit.rms_to_structure_m, std::sqrt(120.0 * 0.02 * 0.02 / 140), 1e-6);
   EXPECT_NEAR(fit.inlier_share, 140.0 / 160, 1e-12);
 }
 
