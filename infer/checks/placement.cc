@@ -136,12 +136,10 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
                                                                const LocateOptions& options) {
   const Structure& structure = seen.input->structure;
   const SensorView& view = seen.views[id];
-  LabelledPose at = LabelByPose(view, structure, prior.world_from_sensor);
   Labelled labelled;
+  static_cast<LabelledPose&>(labelled) = LabelByPose(view, structure, prior.world_from_sensor);
   labelled.quarter_turns = seen.labelled[id].quarter_turns;
   labelled.source = PoseSource::kPrior;
-  labelled.segmentation = std::move(at.segmentation);
-  labelled.initial = std::move(at.initial);
   if (!labelled.initial.found) labelled.initial.structure_from_sensor = prior.world_from_sensor;
   labelled.initial.found = true;
   const OwnPose own = RefineTwice(seen, id, labelled, prior, options);

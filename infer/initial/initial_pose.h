@@ -60,6 +60,12 @@ struct InitialPose {
   std::vector<SidePatch> patches;  ///< all that were found
 };
 
+/// A frame's labels, in full size and its own orientation, and the pose that follows from them.
+struct LabelledPose {
+  SegmentationResult segmentation;
+  InitialPose initial;
+};
+
 /// Finds the pose of one sensor from its labels: it hypothesises and verifies. Candidates are made
 /// from sets of patches and corrected for visibility (pose_candidates.h). The candidate with the
 /// largest Agreement::score is taken. With `near`, that pose is the only candidate.

@@ -110,9 +110,7 @@ std::vector<Labelling> TryOrientations(const LabelContext& context) {
 void TakeImplied(const LabelContext& context, const LabelRequest& from, const Hypothesis& chosen,
                  Labelled* out) {
   const Pose& pose = chosen.structure_from_sensor;
-  LabelledPose labelled = LabelByPose(*from.view, context.structure, pose);
-  out->segmentation = std::move(labelled.segmentation);
-  out->initial = std::move(labelled.initial);
+  static_cast<LabelledPose&>(*out) = LabelByPose(*from.view, context.structure, pose);
   out->source = PoseSource::kGeometry;
   const int found = chosen.source == PoseSource::kNetwork ? chosen.turns : UprightTurns(pose);
   out->quarter_turns = from.quarter_turns == kAutoTurns ? found : from.quarter_turns;
@@ -120,9 +118,8 @@ void TakeImplied(const LabelContext& context, const LabelRequest& from, const Hy
 
 /// A labelling's labels and pose.
 void TakeLabelling(const Labelling& labelling, Labelled* out) {
+  static_cast<LabelledPose&>(*out) = labelling;
   out->quarter_turns = labelling.turns;
-  out->segmentation = labelling.segmentation;
-  out->initial = labelling.initial;
 }
 
 /// The hypotheses about a view's pose, by the network and by geometry. If labels and depths settle

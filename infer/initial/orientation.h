@@ -48,10 +48,8 @@ struct PoseAlternative {
 };
 
 /// A frame with its labels, and the pose that follows from them.
-struct Labelled {
-  SegmentationResult segmentation;  ///< full size, the frame's own orientation
-  int quarter_turns = 0;            ///< clockwise turns into the network's orientation
-  InitialPose initial;
+struct Labelled : LabelledPose {
+  int quarter_turns = 0;  ///< clockwise turns into the network's orientation
   /// Description of the structure at another pose that explains the view about as well: "upside
   /// down". Empty if there is no such pose.
   std::string other_pose;

@@ -13,11 +13,9 @@
 namespace volalign {
 
 /// A view in one orientation, with the network's labels and the pose that follows from them.
-struct Labelling {
+struct Labelling : LabelledPose {
   std::size_t view = 0;
   int turns = 0;
-  SegmentationResult segmentation;
-  InitialPose initial;
   /// Is the pose beyond doubt? Labels and depths then fit the structure, and it stands on a floor
   /// (FloorMargin). Upside down, or shifted by a box, it would not.
   bool settled = false;
@@ -54,10 +52,6 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
 
 /// The labels that a pose implies, and the initial pose that follows from them. They take the place
 /// of a network's labels.
-struct LabelledPose {
-  SegmentationResult segmentation;
-  InitialPose initial;
-};
 LabelledPose LabelByPose(const SensorView& view, const Structure& structure, Pose pose);
 
 }  // namespace volalign
