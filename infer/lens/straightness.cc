@@ -156,42 +156,26 @@ class WeighedPlane {
   bool flat_ = false;
 };
 
-class WeighedPlanes {
- public:
-  explicit WeighedPlanes(const SensorPlanes& sensor) {
-    for (const LargePlane& plane : sensor.planes) {
-      WeighedPlane weighed(plane, sensor.intrinsics, sensor.errors);
-      if (weighed.flat()) planes_.push_back(std::move(weighed));
-    }
-  }
-
-  /// Half the sum of squares of all residuals. Adds their evidence about a change from these
-  /// intrinsics to `further`.
-  double CostThrough(const Intrinsics& intrinsics, LensEvidence* further) const {
-    double cost = 0;
-    for (const WeighedPlane& plane : planes_) {
-      const Whitened white = plane.Through(intrinsics);
-      cost += 0.5 * white.residuals.squaredNorm();
-      further->information += white.by_lens.transpose() * white.by_lens;
-      further->moment -= white.by_lens.transpose() * white.residuals;
-    }
-    return cost;
-  }
-
- private:
-  std::vector<WeighedPlane> planes_;
-};
-
 namespace {
 
 /// Half the sum of squares of all sensors' residuals at a change. `evidence`: theirs about the
 /// lens.
-double CostAt(const std::vector<WeighedPlanes>& sensors, const std::vector<Intrinsics>& assumed,
-              const LensChange& change, LensEvidence* evidence) {
+double CostAt(const std::vector<std::vector<WeighedPlane>>& sensors,
+              const std::vector<Intrinsics>& assumed, const LensChange& change,
+              LensEvidence* evidence) {
   *evidence = LensEvidence();
   double cost = 0;
-  for (std::size_t i = 0; i < sensors.size(); ++i)
-    cost += sensors[i].CostThrough(WithLensChange(assumed[i], change), evidence);
+  for (std::size_t i = 0; i < sensors.size(); ++i) {
+    const Intrinsics intrinsics = WithLensChange(assumed[i], change);
+    double of_sensor = 0;
+    for (const WeighedPlane& plane : sensors[i]) {
+      const Whitened white = plane.Through(intrinsics);
+      of_sensor += 0.5 * white.residuals.squaredNorm();
+      evidence->information += white.by_lens.transpose() * white.by_lens;
+      evidence->moment -= white.by_lens.transpose() * white.residuals;
+    }
+    cost += of_sensor;
+  }
   evidence->moment += evidence->information * change;
   return cost;
 }
@@ -199,9 +183,14 @@ double CostAt(const std::vector<WeighedPlanes>& sensors, const std::vector<Intri
 }  // namespace
 
 Straightness::Straightness(const std::vector<SensorPlanes>& sensors) {
-  for (const SensorPlanes& sensor : sensors) sensors_.emplace_back(sensor);
+  for (const SensorPlanes& sensor : sensors) {
+    std::vector<WeighedPlane>& planes = sensors_.emplace_back();
+    for (const LargePlane& plane : sensor.planes) {
+      WeighedPlane weighed(plane, sensor.intrinsics, sensor.errors);
+      if (weighed.flat()) planes.push_back(std::move(weighed));
+    }
+  }
 }
-
 Straightness::~Straightness() = default;
 
 LensEstimate Straightness::Straighten(const std::vector<Intrinsics>& assumed,

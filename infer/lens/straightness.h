@@ -17,8 +17,8 @@ struct SensorPlanes {
   DepthErrorModel errors = ErrorsOf("");
 };
 
-/// Planes with what is known about their errors.
-class WeighedPlanes;
+/// A plane with what is known about its errors.
+class WeighedPlane;
 
 /// The planes of sensors that share a lens. The place of each plane is unknown. Its points have
 /// independent errors and a smooth one. The smooth error's size and correlation length make the
@@ -37,7 +37,7 @@ class Straightness {
   LensEvidence EvidenceAt(const std::vector<Intrinsics>& assumed, const LensChange& change) const;
 
  private:
-  std::vector<WeighedPlanes> sensors_;
+  std::vector<std::vector<WeighedPlane>> sensors_;
 };
 
 /// The farthest, m, that a further change moves a patch off its plane, with the plane fitted again.
