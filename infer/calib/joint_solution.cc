@@ -75,20 +75,17 @@ SomeFrames<Pose> PosesForLabels(const SomeFrames<FrameInput>& frames, const Refi
   return poses;
 }
 
-/// The frames' translations in a round, m.
-using Moves = SomeFrames<Eigen::Vector3d>;
-
-/// The poses' translations from the frames' starts, m.
-Moves MovesOf(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
-  Moves moves;
+/// Distances, m, of the poses from the frames' starts.
+SomeFrames<double> MovesOf(const SomeFrames<FrameInput>& frames, const SomeFrames<Pose>& poses) {
+  SomeFrames<double> moves;
   for (const auto& [id, pose] : poses)
-    moves[id] = pose.translation() - frames.at(id).start.translation();
+    moves[id] = (pose.translation() - frames.at(id).start.translation()).norm();
   return moves;
 }
 
-double Largest(const Moves& moves) {
+double Largest(const SomeFrames<double>& moves) {
   double largest = 0;
-  for (const auto& [id, move] : moves) largest = std::max(largest, move.norm());
+  for (const auto& [id, move] : moves) largest = std::max(largest, move);
   return largest;
 }
 
@@ -123,28 +120,19 @@ LensSet WithChanges(const CaptureSet& input, LensSet lenses, const SomeFrames<Fr
 
 /// `moves`: of the last round.
 Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames,
-                const Moves& moves, RefineResult refined, SolveReport report) {
+                const SomeFrames<double>& moves, RefineResult refined, SolveReport report) {
   std::vector<FrameId> ids;
   for (const auto& [id, frame] : frames) ids.push_back(id);
   const auto id_of = [&](int k) { return ids[static_cast<std::size_t>(k)]; };
-  Joint joint{std::move(seen),
-              std::move(located.results),
-              {},
-              {},
-              std::move(refined.placements),
-              std::move(refined.lenses),
-              refined.size_estimated,
-              refined.size_scale,
-              refined.sigma_size_scale,
-              std::move(located.priors),
-              {},
-              {}};
+  Joint joint;
+  joint.seen = std::move(seen);
+  joint.located = std::move(located.results);
+  joint.priors = std::move(located.priors);
   report.settled = report.converged;
   for (std::size_t k = 0; k < ids.size(); ++k) {
     FrameSolution& solution = joint.frames[ids[k]];
     solution.refined = std::move(refined.frames[k]);
-    if (const auto move = moves.find(ids[k]); move != moves.end())
-      solution.moved_m = move->second.norm();
+    if (const auto move = moves.find(ids[k]); move != moves.end()) solution.moved_m = move->second;
     solution.settled = report.converged && StandsStill(solution.moved_m, solution.refined);
     report.settled = report.settled && solution.settled;
     if (!solution.refined.refused_fit) continue;
@@ -156,6 +144,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
     if (placed.prior.world != PriorWorld::kStructure)
       placed.prior.world_from_sensor = world.Place(placed.prior.world_from_sensor);
   }
+  refined.frames.clear();
   joint.report = report;
   const CaptureSet& input = *joint.seen.input;
   std::vector<std::string> names;
@@ -173,6 +162,7 @@ Joint MakeJoint(Seen seen, Located located, const SomeFrames<FrameInput>& frames
          pair.predicted_rms, pair.covariance, LargestSigmaPosition(pose, pair.covariance),
          LargestSigmaRotationDeg(pair.covariance)});
   }
+  joint.refined = std::move(refined);
   return joint;
 }
 
@@ -224,7 +214,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
     RefineResult refined = RefineTogether(seen, frames, located.first_from_stack, setup);
     ++report.rounds;
     const SomeFrames<Pose> poses = PosesForLabels(frames, refined);
-    const Moves moves = MovesOf(frames, poses);
+    const SomeFrames<double> moves = MovesOf(frames, poses);
     report.moved_m = Largest(moves);
     if (!labels_stay(refined)) {  // label
       ++labelled;

@@ -27,11 +27,8 @@ struct Joint {
   PerFrame<LocateResult> located;              ///< start of the solution, or why there is none
   SomeFrames<FrameSolution> frames;            ///< of the located ones
   std::vector<std::vector<PairResult>> pairs;  ///< for each capture
-  std::vector<RefinedPlacement> stacks;        ///< for each capture
-  std::vector<RefinedLens> lenses;             ///< of seen.lenses
-  bool size_estimated = false;
-  double size_scale = 1, sigma_size_scale = 0;
-  SomeFrames<PlacedPrior> priors;  ///< of located frames
+  RefineResult refined;                        ///< without its frames
+  SomeFrames<PlacedPrior> priors;              ///< of located frames
   std::vector<RigFinding> findings;
   SolveReport report;
 };

@@ -43,8 +43,8 @@ void TakeRefinement(const RefinedFrame& refined, const Pose& initial, FrameResul
 void TakeLens(const Joint& joint, FrameId id, FrameResult* sensor) {
   const LensSet& lenses = joint.seen.lenses;
   sensor->lens = {lenses.Of(id).source, lenses.Of(id).prior_sigmas};
-  if (joint.lenses.empty()) return;
-  const RefinedLens& refined = joint.lenses[lenses.of_frame[id]];
+  if (joint.refined.lenses.empty()) return;
+  const RefinedLens& refined = joint.refined.lenses[lenses.of_frame[id]];
   if (refined.estimated) sensor->lens.source = LensSource::kEstimated;
   sensor->lens.sigmas = refined.sigmas;
 }
@@ -74,7 +74,7 @@ void JudgeFrame(const Joint& joint, FrameId id, const std::optional<Finding>& su
   const auto& located = std::get<LocatedFrame>(joint.located[id]);
   const Labelled& labelled = joint.seen.labelled[id];
   const RefinedFrame& refined = joint.frames.at(id).refined;
-  const Structure& built = joint.stacks[id.capture].built;
+  const Structure& built = joint.refined.placements[id.capture].built;
   const Pose& pose = *sensor->structure_from_sensor;
   static_cast<PoseQuality&>(*sensor) = MeasureQuality(
       Corrected(sensor->view, sensor->depth_gain, sensor->depth_offset_m), sensor->segmentation,
@@ -148,7 +148,7 @@ std::vector<std::optional<FreeSpaceViolation>> RefutedInCapture(const Joint& joi
     poses[i] = solution->second.refined.structure_from_sensor;
   }
   std::vector<std::optional<FreeSpaceViolation>> found = FindFreeSpaceViolations(
-      views, poses, joint.stacks[capture].built, kDecisiveOdds, options.threads);
+      views, poses, joint.refined.placements[capture].built, kDecisiveOdds, options.threads);
   for (std::size_t i = 0; i < count; ++i) {
     if (found[i]) found[i]->name = (*joint.seen.input)[{capture, found[i]->other}].name;
     if (joint.seen.labelled[{capture, i}].given) found[i].reset();
@@ -177,7 +177,7 @@ FrameResult ResultOf(FrameId id, Joint* joint) {
   TakeRefinement(solution.refined, labelled.initial.structure_from_sensor, &sensor);
   sensor.initial_source = labelled.source;
   if (const auto placed = joint->priors.find(id); placed != joint->priors.end()) {
-    sensor.prior = joint->stacks[id.capture].first_from_placement.inverse() *
+    sensor.prior = joint->refined.placements[id.capture].first_from_placement.inverse() *
                    placed->second.prior.world_from_sensor;
     sensor.prior_used = placed->second.used;
   }
@@ -277,7 +277,7 @@ AssemblyReport ReportDescribed(const std::vector<FrameResult>& sensors, const St
 CaptureResult GatherCapture(std::size_t capture, std::vector<FrameResult> sensors,
                             std::optional<AssemblyReport> assembly, const CalibrateOptions& options,
                             Joint* joint) {
-  RefinedPlacement& stack = joint->stacks[capture];
+  RefinedPlacement& stack = joint->refined.placements[capture];
   JudgeDuplicates(&sensors);
   DoubtThoseAlone(&sensors);
   if (options.assembly.enabled && !(assembly && assembly->altered())) {
@@ -346,9 +346,7 @@ CalibrationResult Judge(Joint joint, const StackFinding& stack,
         GatherCapture(s, std::move(sensors.OfCapture(s)), stack[s], options, &joint));
   }
   CalibrationResult result = CombineCaptures(*joint.seen.input, std::move(captures), joint.frames);
-  result.size_estimated = joint.size_estimated;
-  result.size_scale = joint.size_scale;
-  result.sigma_size_scale = joint.sigma_size_scale;
+  static_cast<RefinedSize&>(result) = joint.refined;
   result.findings = std::move(joint.findings);
   result.solve = joint.report;
   return result;

@@ -150,11 +150,9 @@ struct CaptureResult : StackResult {
 };
 
 /// The result of all captures: figures of all together, poses and boxes of the first.
-struct CalibrationResult : StackResult {
+struct CalibrationResult : StackResult, RefinedSize {
   SolveReport solve;
   std::vector<std::pair<std::string, double>> timings_s;
-  bool size_estimated = false;
-  double size_scale = 1, sigma_size_scale = 0;
   std::vector<RigFinding> findings;  ///< reasons to doubt all of it, the likeliest first
   /// Each of several captures, with its images, which `sensors` then do not have. Empty for a
   /// single capture.

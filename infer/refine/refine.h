@@ -110,13 +110,17 @@ struct RefinedEdge {
   double log_odds = 0;           ///< natural, against an error of size that all boxes share
 };
 
-struct RefineResult {
+/// The size that all boxes share.
+struct RefinedSize {
+  bool size_estimated = false;
+  double size_scale = 1, sigma_size_scale = 0;
+};
+
+struct RefineResult : RefinedSize {
   std::vector<RefinedFrame> frames;  ///< in the order of the input
   std::vector<RefinedPair> pairs;
   std::vector<RefinedPlacement> placements;  ///< of the captures; the first: identity
   std::vector<RefinedLens> lenses;           ///< of those given
-  bool size_estimated = false;
-  double size_scale = 1, sigma_size_scale = 0;
   /// Where the world of the priors (FrameInput::prior) lies in the structure of the first capture.
   Pose structure_from_world = Pose::Identity();
   double world_scale = 1;

@@ -47,8 +47,8 @@ struct Stages {
   }
   Stages() : rig(TheRig()), capture({{"", rig.frames}}, rig.structure) {
     joint.seen = SeenWithLabels(capture, rig.labels);
-    joint.stacks.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
-    joint.lenses.resize(3);
+    joint.refined.placements.push_back({Pose::Identity(), Matrix6d::Zero(), {}, rig.structure});
+    joint.refined.lenses.resize(3);
     joint.located = MapFrames(joint.seen.views, 1, [&](FrameId id) -> LocateResult {
       if (id.frame == 1) return Finding{SensorCode::kNoStructure, "reason", "hint"};
       joint.frames[id].settled = true;
@@ -238,7 +238,7 @@ TEST(Judge, ReportedPosesAreJudgedByTheBoxesAsBuiltInitialOnesByTheDescribedOnes
   Stages stages;
   Pose aside = Pose::Identity();
   aside.translation().x() = 0.015;
-  stages.joint.stacks.front().built =
+  stages.joint.refined.placements.front().built =
       stages.rig.structure.Displaced(std::vector<Pose>(4, aside), 1);
   const CalibrationResult result = stages.Judge();
   // Sides that look along x are 15 mm off, the others by what of them is not above another.
@@ -250,7 +250,7 @@ TEST(Judge, ReportedPosesAreJudgedByTheBoxesAsBuiltInitialOnesByTheDescribedOnes
 TEST(Judge, ALensThatWasEstimatedIsCalledSo) {
   for (const bool estimated : {true, false}) {
     Stages stages;
-    RefinedLens& lens = stages.joint.lenses[stages.joint.seen.lenses.of_frame[{0, 2}]];
+    RefinedLens& lens = stages.joint.refined.lenses[stages.joint.seen.lenses.of_frame[{0, 2}]];
     lens.estimated = estimated;
     lens.sigmas = {0.001, 0.002, 0.003};
     const CalibrationResult result = stages.Judge();
