@@ -220,7 +220,7 @@ Joint SolveJointly(Seen seen, const StackFinding& stack, const CalibrateOptions&
       ++labelled;
       frames = LabelledAt(seen, std::move(frames), poses, refined, locate);
       // Points are associated anew in each round.
-      setup.schedule.associations = poses.size() == frames.size() ? 1 : options.refine.associations;
+      setup.associations = poses.size() == frames.size() ? 1 : options.refine.associations;
       continue;
     }
     const SomeFrames<Finding> shapeless = FindShapeless(seen, located.results, frames, refined);

@@ -32,7 +32,7 @@ OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPo
                     const RefineOptions& options) {
   RefineSetup alone(options);
   alone.free.scale_priors = false;
-  alone.schedule.threads = 1;
+  alone.threads = 1;
   FrameInput input{std::move(points), start, 0};
   input.prior = prior;
   const RefinedFrame refined =

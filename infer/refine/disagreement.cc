@@ -122,7 +122,7 @@ struct CostByFrame {
       : all(CostAround(problem, solution)),
         constant(problem.layout.Constant(asked_for)),
         own(problem.size()) {
-    ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+    ParallelFor(problem.size(), problem.setup.threads, [&](std::size_t i) {
       if (!solution.fixed[i] && !solution.observed[i].faces.empty())
         own[i] = MeasurementsOf(problem, solution, i);
     });
@@ -258,7 +258,7 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
   for (;;) {
     const CostByFrame cost(problem, agreed.solution, asked_for);
     std::vector<Disagreement> measured(problem.size());
-    ParallelFor(problem.size(), problem.setup.schedule.threads,
+    ParallelFor(problem.size(), problem.setup.threads,
                 [&](std::size_t i) { measured[i] = cost.Of(i); });
     ScaleByVarianceFactor(&measured);
     std::optional<std::size_t> worst;

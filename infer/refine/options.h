@@ -21,8 +21,9 @@ struct EstimateSet {
 /// by commas. Throws ConfigError for anything else.
 EstimateSet ParseEstimate(const std::string& text);
 
-/// Standard deviations of the priors.
-struct PriorOptions {
+/// The keys of the configuration, and figures that are no keys.
+struct RefineOptions {
+  // Standard deviations of the priors.
   double box_sigma_m = 0.004;
   double box_sigma_deg = 0.5;
   double size_sigma_percent = 1;
@@ -35,20 +36,15 @@ struct PriorOptions {
   double sensor_moved_sigma_m = 2e-4;
   double sensor_moved_sigma_deg = 0.005;
   double depth_drift_sigma_m = 0.002;  ///< of a depth offset between captures (warmth)
-};
 
-/// The rounds of a refinement, and their limits.
-struct RefineSchedule {
+  // The rounds of a refinement, and their limits.
   int inner_iterations = 12;   ///< most steps of a Ceres solution
   int associations = kRounds;  ///< of points with surfaces, each followed by a Ceres solution
   int max_overlap_points = 4000;
   /// Two sensors are a pair if at least this share of their points is seen by the other one.
   double min_overlap = kNotable;
   int threads = 2;  ///< of Ceres
-};
 
-/// The keys of the configuration, with the limits on points.
-struct RefineOptions : PriorOptions, RefineSchedule {
   std::string estimate = "auto";
   bool lens_per_sensor = false;
   int max_side_points = 3750;  ///< most labelled points of a sensor
@@ -101,16 +97,14 @@ struct RefineOptions : PriorOptions, RefineSchedule {
 
 struct RefineResult;
 
-/// A refinement: what is free, the priors, and the schedule.
-struct RefineSetup {
+/// A refinement: its options, and what is free.
+struct RefineSetup : RefineOptions {
   RefineSetup() : RefineSetup(RefineOptions()) {}
   /// Takes the configuration. Throws ConfigError for a bad `estimate`.
   RefineSetup(const RefineOptions& options)  // NOLINT(google-explicit-constructor)
-      : free(ParseEstimate(options.estimate)), prior(options), schedule(options) {}
+      : RefineOptions(options), free(ParseEstimate(options.estimate)) {}
 
   EstimateSet free;
-  PriorOptions prior;
-  RefineSchedule schedule;
   /// Are covariances, sigmas and pairs wanted for this result, which has none yet? Empty: they are.
   /// For callers that go on from some poses and need none.
   std::function<bool(const RefineResult&)> is_final;

@@ -42,7 +42,7 @@ PairOverlap Measure(const JointProblem& problem, const std::vector<FrameObservat
   PairEnd end_a{problem.Overlap(a, state), observed[a].noise};
   PairEnd end_b{problem.Overlap(b, state), observed[b].noise};
   const SharedPoints shared = FindShared(end_a.view, end_b.view, kOverlapGate, kOnePlane);
-  if (!shared.IsPair(problem.setup.schedule.min_overlap)) return pair;
+  if (!shared.IsPair(problem.setup.min_overlap)) return pair;
   std::vector<double> sizes;
   const Structure& structure = problem.model.structure();
   const Side floor = FloorOf(structure);
@@ -120,7 +120,7 @@ std::vector<PairOverlap> FindOverlaps(const JointProblem& problem,
       if (!fixed[a] && !fixed[b] && problem.OverlapCounts(a, b)) pairs.push_back({a, b});
     }
   }
-  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
+  ParallelFor(pairs.size(), problem.setup.threads, [&](std::size_t k) {
     pairs[k] = Measure(problem, observed, state, pairs[k].a, pairs[k].b);
   });
   CountOnce(&pairs);

@@ -17,7 +17,7 @@ Eigen::MatrixXd FrameColumns::InTangentSpace(const Eigen::MatrixXd& over_blocks,
   return columns;
 }
 
-Priors PriorsOf(const PriorOptions& options, std::size_t boxes) {
+Priors PriorsOf(const RefineOptions& options, std::size_t boxes) {
   Priors priors;
   priors.offset = options.depth_offset_sigma_m;
   if (options.depth_gain_sigma_percent >= 0) priors.gain = options.depth_gain_sigma_percent / 100;

@@ -92,7 +92,7 @@ struct Priors {
   double focal = 0;  ///< see SensorLens::own_focal_sigma
 };
 /// A single box stands where the structure stands: it has no place of its own.
-Priors PriorsOf(const PriorOptions& options, std::size_t boxes);
+Priors PriorsOf(const RefineOptions& options, std::size_t boxes);
 
 /// A standard deviation of zero means "known". This is the least one to divide by.
 inline double Positive(double sigma) { return std::max(sigma, 1e-6); }

@@ -97,7 +97,7 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   ceres::Problem::EvaluateOptions evaluation;
   for (const ParameterLayout::Block& block : problem.layout.Blocks(&state))
     evaluation.parameter_blocks.push_back(block.values);
-  evaluation.num_threads = problem.setup.schedule.threads;
+  evaluation.num_threads = problem.setup.threads;
   ceres::CRSMatrix jacobian;
   std::vector<double> residuals, gradient;
   if (!ceres.Evaluate(evaluation, nullptr, &residuals, &gradient, &jacobian)) {

@@ -32,23 +32,23 @@ JointProblem::JointProblem(const Structure& structure_in, const std::vector<Fram
       frames(frames_in),
       setup(setup_in),
       model(structure_in),
-      priors(refine_internal::PriorsOf(setup_in.prior, structure_in.boxes().size())),
+      priors(refine_internal::PriorsOf(setup_in, structure_in.boxes().size())),
       lenses(lenses_in),
       frame_of(WhatFramesAreOf(frames_in)),
       layout(frame_of, captures, model.size(), lenses.size()) {
   overlap_points.resize(frames.size());
-  ParallelFor(frames.size(), setup.schedule.threads, [&](std::size_t i) {
+  ParallelFor(frames.size(), setup.threads, [&](std::size_t i) {
     int others = 0;
     for (std::size_t j = 0; j < frames.size(); ++j)
       others += OverlapCounts(std::min(i, j), std::max(i, j)) ? 1 : 0;
     if (others == 0) return;
     overlap_points[i] = ChooseOverlapPoints(structure, *frames[i].points, frames[i].start,
-                                            setup.schedule.max_overlap_points / others, false);
+                                            setup.max_overlap_points / others, false);
   });
 }
 
 bool JointProblem::OverlapCounts(std::size_t a, std::size_t b) const {
-  if (setup.schedule.max_overlap_points == 0 || frame_of[a].sensor == frame_of[b].sensor ||
+  if (setup.max_overlap_points == 0 || frame_of[a].sensor == frame_of[b].sensor ||
       frame_of[a].capture != frame_of[b].capture)
     return false;
   const auto is_in = [&](std::size_t sensor, std::size_t capture) {

@@ -129,7 +129,7 @@ struct RefineResult : RefinedSize {
   /// The likeliest one, if a frame disagrees or a quantity is kClearly off its prior.
   std::optional<RefinedEdge> wrong_edge;
   /// Did the last solution of all parameters end by its tolerances, not by
-  /// RefineSchedule::inner_iterations?
+  /// RefineOptions::inner_iterations?
   bool converged = true;
 };
 
@@ -156,7 +156,7 @@ std::vector<std::string> UnconstrainedDirections(const Matrix6d& covariance);
 /// capture, are approximate first_from_placement, the first the identity. Each is a parameter, as
 /// are the boxes of each capture. A sensor's depth gain, its lens and the size are the same in all.
 /// Each frame of a sensor (FrameInput::sensor) has its own pose. These poses differ by the
-/// placements and by as little as PriorOptions::sensor_moved_sigma_m and _deg allow.
+/// placements and by as little as RefineOptions::sensor_moved_sigma_m and _deg allow.
 ///
 /// Priors: each kind of parameter has its prior narrowed until the measurements are most probable
 /// (refine/prior_scales.h). Gauge: the mean displacement of the boxes is zero.

@@ -179,7 +179,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
                                      const std::vector<RefinedFrame>& frames) {
   const State& state = agreed.solution.state;
   std::vector<std::vector<int>> chosen(problem.size());
-  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+  ParallelFor(problem.size(), problem.setup.threads, [&](std::size_t i) {
     chosen[i] = ChooseOverlapPoints(state.Built(i), *problem.frames[i].points,
                                     frames[i].structure_from_sensor, kManyProbes, true);
   });
@@ -193,7 +193,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
         pairs.push_back({static_cast<int>(a), static_cast<int>(b)});
     }
   }
-  ParallelFor(pairs.size(), problem.setup.schedule.threads, [&](std::size_t k) {
+  ParallelFor(pairs.size(), problem.setup.threads, [&](std::size_t k) {
     RefinedPair& pair = pairs[k];
     const auto i = static_cast<std::size_t>(pair.a), j = static_cast<std::size_t>(pair.b);
     const PairMatrix both = CovarianceOfBoth(problem, agreed, posterior, frames, {i, j});
@@ -203,7 +203,7 @@ std::vector<RefinedPair> PairResults(const JointProblem& problem, const Agreed& 
     const SharedPoints shared = FindShared(ends[0], ends[1], kSamePlace, kOnePlane);
     pair.overlap = shared.overlap;
     pair.rms = pair.predicted_rms = std::numeric_limits<double>::quiet_NaN();
-    if (!shared.IsPair(problem.setup.schedule.min_overlap)) return;
+    if (!shared.IsPair(problem.setup.min_overlap)) return;
     pair.rms = shared.rms();
     const std::vector<FrameObservations>& observed = agreed.solution.observed;
     const std::array<const DepthErrorModel*, 2> errors = {&observed[i].noise.depth,

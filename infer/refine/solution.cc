@@ -37,7 +37,7 @@ std::vector<FrameObservations> GatherObservations(const JointProblem& problem, c
   observed.resize(problem.size());
   for (std::size_t i = known; i < problem.size(); ++i)
     observed[i].noise = UsualNoise(problem.KindOf(i));
-  ParallelFor(problem.size(), problem.setup.schedule.threads, [&](std::size_t i) {
+  ParallelFor(problem.size(), problem.setup.threads, [&](std::size_t i) {
     observed[i].noise.line = LineTolerance(free);
     GatherObservations(problem.structure, state, i, *problem.frames[i].points, &observed[i]);
     WidenOutliers(problem.model, state.Parameters(i), problem.PriorsOf(i), &observed[i]);
@@ -70,7 +70,7 @@ bool Solve(const JointProblem& problem, Solution* solution) {
   ceres::Problem ceres =
       BuildCeresProblem(problem, solution->observed, solution->overlaps, solution->fixed,
                         problem.layout.Constant(solution->free, solution->fixed), &state);
-  const Minimum minimum = Minimise(problem.setup.schedule, &ceres);
+  const Minimum minimum = Minimise(problem.setup, &ceres);
   if (!minimum.usable) return false;
   state.converged = minimum.converged;
   state.UpdateBuilt(problem.model);
@@ -119,7 +119,7 @@ Solution AssociateAndSolve(const JointProblem& problem, Solution solution) {
     HoldFrame(problem, i, &solution);
     solution.observed[i].Forget();
   };
-  for (int iteration = 0; iteration < problem.setup.schedule.associations; ++iteration) {
+  for (int iteration = 0; iteration < problem.setup.associations; ++iteration) {
     solution.observed =
         GatherObservations(problem, solution.state, solution.free, std::move(solution.observed));
     for (std::size_t i = 0; i < problem.size(); ++i) {

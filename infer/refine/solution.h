@@ -59,7 +59,7 @@ bool IsUsable(const JointProblem& problem, const Solution& solution, std::size_t
 /// has a free frame.
 void HoldFrame(const JointProblem& problem, std::size_t frame, Solution* solution);
 
-/// Gathers observations and solves, RefineSchedule::associations times, from `solution.state` on.
+/// Gathers observations and solves, RefineOptions::associations times, from `solution.state` on.
 /// Frames that are not usable are fixed at their starts. If the problem cannot be solved even then,
 /// all frames are.
 Solution AssociateAndSolve(const JointProblem& problem, Solution solution);

@@ -21,13 +21,13 @@ class StopCallback : public ceres::IterationCallback {
 
 }  // namespace
 
-Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem) {
+Minimum Minimise(const RefineOptions& options, ceres::Problem* problem) {
   ceres::Solver::Options solver;
   solver.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   // SuiteSparse factorises with OpenBLAS, whose idle threads keep processors busy: a sixth slower.
   solver.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
-  solver.max_num_iterations = schedule.inner_iterations;
-  solver.num_threads = schedule.threads;
+  solver.max_num_iterations = options.inner_iterations;
+  solver.num_threads = options.threads;
   solver.function_tolerance = kFunctionTolerance;
   solver.parameter_tolerance = kParameterTolerance;
   solver.logging_type = ceres::SILENT;

@@ -14,8 +14,8 @@ struct Minimum {
   bool converged = false;  ///< by its tolerances, not by the number of steps
 };
 
-/// Moves the parameters to the least cost within the schedule's number of steps. They stay as they
+/// Moves the parameters to the least cost within inner_iterations steps. They stay as they
 /// are if that is not usable.
-Minimum Minimise(const RefineSchedule& schedule, ceres::Problem* problem);
+Minimum Minimise(const RefineOptions& options, ceres::Problem* problem);
 
 }  // namespace volalign::refine_internal

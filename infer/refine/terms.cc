@@ -70,13 +70,12 @@ void AddTies(const JointProblem& problem, const std::vector<char>& fixed, State*
     const auto [entry, is_first] = first_of.emplace(problem.frame_of[i].sensor, i);
     if (is_first) continue;
     const std::size_t first = entry->second;
-    ceres->AddResidualBlock(TieCost(problem.setup.prior.sensor_moved_sigma_m,
-                                    problem.setup.prior.sensor_moved_sigma_deg * kDegree),
-                            nullptr, state->placements[state->frame_of[first].capture].values,
-                            state->poses[first].values,
-                            state->placements[state->frame_of[i].capture].values,
-                            state->poses[i].values);
-    ceres->AddResidualBlock(DriftCost(problem.setup.prior.depth_drift_sigma_m), nullptr,
+    ceres->AddResidualBlock(
+        TieCost(problem.setup.sensor_moved_sigma_m, problem.setup.sensor_moved_sigma_deg * kDegree),
+        nullptr, state->placements[state->frame_of[first].capture].values,
+        state->poses[first].values, state->placements[state->frame_of[i].capture].values,
+        state->poses[i].values);
+    ceres->AddResidualBlock(DriftCost(problem.setup.depth_drift_sigma_m), nullptr,
                             &state->offsets[first], &state->offsets[i]);
   }
 }

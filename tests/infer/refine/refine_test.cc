@@ -209,7 +209,7 @@ TEST(Refine, OneHeadOnViewTellsNothingOfWhatItDoesNotShow) {
   for (std::size_t b = 1; b < rig.structure.boxes().size(); ++b)
     EXPECT_FALSE(result.placements[0].boxes[b].estimated);
   EXPECT_NEAR(result.size_scale, 1, 1e-3);
-  EXPECT_GT(result.sigma_size_scale, 0.7 * PriorOptions().size_sigma_percent / 100);
+  EXPECT_GT(result.sigma_size_scale, 0.7 * RefineOptions().size_sigma_percent / 100);
   EXPECT_EQ(result.frames[0].noise.line, refine_internal::kHeldEdge)
       << "nothing tells the boxes' places";
 }
