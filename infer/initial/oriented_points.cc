@@ -152,7 +152,7 @@ Eigen::Vector3d NormalAt(const SensorView& view, int u, int v) {
       if (!view.depth.Contains(x, y)) continue;
       const double near = view.depth(x, y);
       if (!(near > 0) || std::abs(near - z) > jump) continue;
-      const Eigen::Vector3d ray(view.rays.at(x, y).x(), view.rays.at(x, y).y(), 1);
+      const Eigen::Vector3d ray = view.Ray(x, y);
       squares += ray * ray.transpose();
       moment += ray / near;
       ++count;

@@ -89,15 +89,13 @@ std::vector<ShownPart> ShownParts(const SensorView& view, const Structure& struc
       const int label = model.labels(u, v);
       // Where something stands in front, or nothing was measured, the patch lacks the pixel too.
       if (label == 0 || !(view.depth(u, v) > model.depth(u, v) - kFarthestOff)) continue;
-      const Eigen::Vector2f& ray = view.rays.at(u, v);
       const double z = model.depth(u, v);
-      const Eigen::Vector3d p(z * ray.x(), z * ray.y(), z);
       const Eigen::Vector3d normal =
           structure_from_sensor.linear().transpose() * structure.SideOfLabel(label).normal;
       const double area = view.PixelArea(u, v, z, normal);
       ShownPart& part = shown[static_cast<std::size_t>(label)];
       part.area += area;
-      part.moment += area * p;
+      part.moment += area * (z * view.Ray(u, v));
     }
   }
   return shown;

@@ -249,7 +249,7 @@ ViewFit MeasureShape(const SensorSurface& surface, const Structure& structure,
 
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
-      const Eigen::Vector3d direction(view.rays.at(u, v).x(), view.rays.at(u, v).y(), 1);
+      const Eigen::Vector3d direction = view.Ray(u, v);
       const double along = direction.dot(centre);
       if (clearance > 0 && (along < 0 || along * along < clearance * direction.squaredNorm())) {
         continue;

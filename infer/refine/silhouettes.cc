@@ -34,10 +34,6 @@ struct Plane {
   double Depth(const Eigen::Vector3d& ray) const { return offset / normal.dot(ray); }
 };
 
-Eigen::Vector3d RayAt(const SensorView& view, int u, int v) {
-  return view.rays.at(u, v).cast<double>().homogeneous();
-}
-
 /// Follows the plane to where a depth behind it follows. Returns false if no such end is nearby, or
 /// if another labelled surface continues it.
 bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
@@ -57,7 +53,7 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
   for (walk->gap = 0; walk->gap <= kMaxGap; ++walk->gap) {
     const int x = walk->u + (walk->gap + 1) * walk->du, y = walk->v + (walk->gap + 1) * walk->dv;
     if (!view.depth.Contains(x, y)) return false;
-    if (view.depth(x, y) > 0) return view.depth(x, y) > plane.Depth(RayAt(view, x, y)) + kBehind;
+    if (view.depth(x, y) > 0) return view.depth(x, y) > plane.Depth(view.Ray(x, y)) + kBehind;
   }
   return false;
 }
@@ -66,8 +62,8 @@ bool WalkToEnd(const ConfidentSides& sides, const Plane& plane, Walk* walk) {
 /// the plane is seen at too small an angle.
 bool EdgeAt(const SensorView& view, const Walk& walk, const Plane& plane, EdgePoint* edge) {
   const int width = walk.gap + 1;
-  const Eigen::Vector3d inner = RayAt(view, walk.u, walk.v);
-  const Eigen::Vector3d outer = RayAt(view, walk.u + width * walk.du, walk.v + width * walk.dv);
+  const Eigen::Vector3d inner = view.Ray(walk.u, walk.v);
+  const Eigen::Vector3d outer = view.Ray(walk.u + width * walk.du, walk.v + width * walk.dv);
   if (!(plane.normal.dot(outer) < -kLeastIncidence * outer.norm())) return false;
   const Eigen::Vector3d ray = inner + (outer - inner) * ((0.5 + walk.gap * kShareOfGap) / width);
   edge->p = ray * plane.Depth(ray);

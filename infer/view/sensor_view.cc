@@ -30,7 +30,7 @@ Image<float> RayAreas(const Intrinsics& intrinsics, const RayTable& rays) {
 }  // namespace
 
 double SensorView::PixelArea(int u, int v, double z, const Eigen::Vector3d& normal) const {
-  const Eigen::Vector3d ray = rays.at(u, v).cast<double>().homogeneous();
+  const Eigen::Vector3d ray = Ray(u, v);
   return z * z * ray_areas(u, v) / std::max(std::abs(normal.dot(ray)), kGrazing * ray.norm());
 }
 

@@ -24,12 +24,10 @@ struct SensorView {
 
   int width() const { return depth.width(); }
   int height() const { return depth.height(); }
+  /// The ray of a pixel, of unit depth, in the sensor frame.
+  Eigen::Vector3d Ray(int u, int v) const { return rays.at(u, v).cast<double>().homogeneous(); }
   /// Point of a pixel in the sensor frame, m.
-  Eigen::Vector3d Point(int u, int v) const {
-    const Eigen::Vector2f& ray = rays.at(u, v);
-    const double z = depth(u, v);
-    return {z * ray.x(), z * ray.y(), z};
-  }
+  Eigen::Vector3d Point(int u, int v) const { return static_cast<double>(depth(u, v)) * Ray(u, v); }
   /// Calls visit(u, v) for the pixels with depth, row by row: every `stride`-th pixel of every
   /// `stride`-th row, beginning at stride / 2.
   template <class Visit>
