@@ -23,9 +23,9 @@ inline double Correlation(double distance, double length) {
 double RestrictedCost(const Eigen::MatrixXd& covariance, const Eigen::VectorXd& r,
                       const Eigen::MatrixXd& jacobian);
 
-/// Least value of a function over the logarithm of its argument: a grid, then a parabola.
+/// The argument with the least value of a function over its logarithm: a grid, then a parabola.
 template <class F>
-double MinimiseOverLog(double low, double high, const F& f, double* best) {
+double MinimiseOverLog(double low, double high, const F& f) {
   constexpr int kSteps = 8;
   std::vector<double> values;
   const double ratio = std::pow(high / low, 1.0 / (kSteps - 1));
@@ -41,8 +41,7 @@ double MinimiseOverLog(double low, double high, const F& f, double* best) {
     const double bend = a - 2 * b + c;
     if (std::isfinite(bend) && bend > 0) shift = std::clamp(0.5 * (a - c) / bend, -0.5, 0.5);
   }
-  *best = low * std::pow(ratio, least + shift);
-  return values[static_cast<std::size_t>(least)];
+  return low * std::pow(ratio, least + shift);
 }
 
 /// How a smooth depth error moves observations. Row i of `bearings` is (x/z, y/z) of observation i.

@@ -161,14 +161,11 @@ DepthErrorModel FitErrors(const BuildModel& model, const Pose& pose,
 void FitEdgeNoise(const FrameObservations& sample, const Linearised& edges, NoiseModel* noise) {
   const Eigen::MatrixXd rest = edges.shared * edges.shared.transpose();
   const EdgeCovariance covariance(sample);
-  MinimiseOverLog(
-      kLeastEdge, 1 / kLeastEdge,
-      [&](double scale) {
-        const double unusual = std::log(scale) / kEdgeSpread;
-        return RestrictedCost(covariance.At(scale) + rest, edges.residuals, edges.by_pose) +
-               0.5 * unusual * unusual;
-      },
-      &noise->edge);
+  noise->edge = MinimiseOverLog(kLeastEdge, 1 / kLeastEdge, [&](double scale) {
+    const double unusual = std::log(scale) / kEdgeSpread;
+    return RestrictedCost(covariance.At(scale) + rest, edges.residuals, edges.by_pose) +
+           0.5 * unusual * unusual;
+  });
 }
 
 }  // namespace
