@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <Eigen/SparseCore>
 #include <algorithm>
 
 #include "core/geometry/factor.h"
@@ -69,18 +70,6 @@ class Inverse {
   Eigen::MatrixXd inverse_;
 };
 
-/// J^T times dense columns.
-Eigen::MatrixXd TransposedTimes(const ceres::CRSMatrix& jacobian, const Eigen::MatrixXd& columns) {
-  Eigen::MatrixXd product = Eigen::MatrixXd::Zero(jacobian.num_cols, columns.cols());
-  for (int row = 0; row < jacobian.num_rows; ++row) {
-    const auto r = static_cast<std::size_t>(row);
-    for (auto k = static_cast<std::size_t>(jacobian.rows[r]);
-         k < static_cast<std::size_t>(jacobian.rows[r + 1]); ++k)
-      product.row(jacobian.cols[k]) += jacobian.values[k] * columns.row(row);
-  }
-  return product;
-}
-
 Eigen::VectorXd ToVector(const std::vector<double>& values) {
   return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
 }
@@ -118,7 +107,10 @@ NormalEquations ComputeNormalEquations(const JointProblem& problem, const Soluti
   }
   const Eigen::Index known = jacobian.num_cols, all = known + columns.cols();
   NormalEquations normal{Eigen::MatrixXd(all, all), Eigen::VectorXd(all)};
-  const Eigen::MatrixXd cross = TransposedTimes(jacobian, columns);
+  const Eigen::Map<const Eigen::SparseMatrix<double, Eigen::RowMajor>> sparse(
+      jacobian.num_rows, jacobian.num_cols, static_cast<Eigen::Index>(jacobian.values.size()),
+      jacobian.rows.data(), jacobian.cols.data(), jacobian.values.data());
+  const Eigen::MatrixXd cross = sparse.transpose() * columns;
   normal.information << Information(jacobian), cross, cross.transpose(),
       columns.transpose() * columns;
   normal.gradient << ToVector(gradient), columns.transpose() * r;
