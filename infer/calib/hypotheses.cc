@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "core/base/image.h"
 #include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
 #include "core/geometry/camera.h"
@@ -292,8 +293,7 @@ double LonelyShare(const SensorView& view) {
   double lonely = 0, measured = 0;
   view.VisitMeasured(1, [&](int u, int v) {
     bool any = false, same = false;
-    for (const auto& [du, dv] :
-         {std::pair(1, 0), std::pair(-1, 0), std::pair(0, 1), std::pair(0, -1)}) {
+    for (const auto& [du, dv] : kBeside) {
       if (!depth.Contains(u + du, v + dv) || !(depth(u + du, v + dv) > 0)) continue;
       any = true;
       same = same || std::abs(depth(u + du, v + dv) - depth(u, v)) < DepthJump(depth(u, v));

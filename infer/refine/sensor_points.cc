@@ -83,7 +83,7 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
       point.block = BlockIndex(u, v, view.width());
       if (!HasItsOwnDepth(sides, u, v))
         point.lateral_sigma_rad = view.errors.window_rad / 2 / std::sqrt(3);
-      if (!PixelNormal(view, u, v, kNormalRadius, &point.normal)) point.normal.setZero();
+      if (!PixelNormal(view, u, v, &point.normal)) point.normal.setZero();
       points.push_back(point);
     }
   }
@@ -94,7 +94,8 @@ std::vector<SidePoint> SampleSidePoints(const ConfidentSides& sides, int max_poi
 
 int BlockIndex(int u, int v, int width) { return v / kBlock * (width / kBlock + 1) + u / kBlock; }
 
-bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector3d* normal) {
+bool PixelNormal(const SensorView& view, int u, int v, Eigen::Vector3d* normal) {
+  constexpr int radius = kNormalRadius;
   const double z = view.depth(u, v);
   if (!(z > 0)) return false;
   const Eigen::Vector3d centre = view.Point(u, v);
@@ -150,8 +151,7 @@ SampledCloud SampleCloud(const SensorView& view) {
   std::vector<CloudPoint> cloud;
   view.VisitMeasured(2, [&](int u, int v) {
     CloudPoint point;
-    if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, kNormalRadius, &point.normal))
-      return;
+    if (view.depth(u, v) > kFarthest || !PixelNormal(view, u, v, &point.normal)) return;
     point.p = view.Point(u, v);
     cloud.push_back(point);
   });

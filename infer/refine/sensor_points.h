@@ -96,9 +96,9 @@ SampledCloud SampleCloud(const SensorView& view);
 SensorPoints SamplePoints(const SensorView& view, const SegmentationResult& segmentation,
                           const Structure& structure, const RefineOptions& options);
 
-/// Unit normal towards the sensor of the surface at a pixel: the plane through its (2 radius + 1)^2
-/// neighbours on the same surface. Returns false if too few neighbours have depth, or if they are
-/// bent: smallest variance over 8 % of the middle one.
-bool PixelNormal(const SensorView& view, int u, int v, int radius, Eigen::Vector3d* normal);
+/// Unit normal towards the sensor of the surface at a pixel: the plane through its neighbours
+/// within kNormalRadius on the same surface. Returns false if too few neighbours have depth, or if
+/// they are bent: smallest variance over 8 % of the middle one.
+bool PixelNormal(const SensorView& view, int u, int v, Eigen::Vector3d* normal);
 
 }  // namespace volalign

@@ -93,7 +93,7 @@ std::vector<EdgePoint> FindSilhouettes(const ConfidentSides& sides) {
       const int in_u = u - kNormalRadius * du, in_v = v - kNormalRadius * dv;
       Plane plane;
       if (!view.depth.Contains(in_u, in_v) || labels(in_u, in_v) != label ||
-          !PixelNormal(view, in_u, in_v, kNormalRadius, &plane.normal)) {
+          !PixelNormal(view, in_u, in_v, &plane.normal)) {
         continue;
       }
       plane.offset = plane.normal.dot(view.Point(in_u, in_v));

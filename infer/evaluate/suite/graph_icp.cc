@@ -59,7 +59,7 @@ Cloud ViewCloud(const GraphFrame& of, const Structure& structure) {
   for (std::size_t i = step / 2; i < pixels.size(); i += step) {
     const auto [u, v] = pixels[i];
     Eigen::Vector3d normal;
-    if (!PixelNormal(view, u, v, kNormalRadius, &normal)) continue;
+    if (!PixelNormal(view, u, v, &normal)) continue;
     cloud.points.push_back(view.Point(u, v));
     cloud.normals.push_back(normal);
   }

@@ -172,7 +172,7 @@ TEST(PixelNormals, AreTheFacesOwn) {
       const int label = rendered.labels(u, v);
       if (label == 0) continue;
       Eigen::Vector3d normal;
-      const bool found = PixelNormal(view, u, v, 3, &normal);
+      const bool found = PixelNormal(view, u, v, &normal);
       if (!IsOneSide(rendered.labels, u, v, 3)) continue;
       ASSERT_TRUE(found) << u << " " << v;
       const Eigen::Vector3d truth = pose.linear().transpose() * structure.SideOfLabel(label).normal;
