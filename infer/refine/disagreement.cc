@@ -282,8 +282,9 @@ Agreed ExcludeOneByOne(const JointProblem& problem, const FreeSet& asked_for, So
     const QuadraticCost own = CostAround(problem, *alone);
     const Eigen::Index column = problem.layout.Pose(*worst);
     agreed.of[*worst] = ExcludedFrame{
-        agreed.solution.state.poses[*worst].ToPose(), agreed.measured[*worst].Disagrees(),
-        FindContradicted(problem, cost, *worst), std::move(alone->state),
+        {agreed.solution.state.poses[*worst].ToPose(), agreed.measured[*worst].Disagrees(),
+         FindContradicted(problem, cost, *worst), alone->state.Built(*worst)},
+        std::move(alone->state),
         ConditionalPosterior(own.normal, cost.constant, own.prior_sigmas)
             .covariance.block<6, 6>(column, column)};
     agreed.solution = std::move(*without);

@@ -8,6 +8,7 @@
 #include "infer/refine/posterior.h"
 #include "infer/refine/prior_scales.h"
 #include "infer/refine/problem.h"
+#include "infer/refine/refine.h"
 #include "infer/refine/solution.h"
 
 namespace volalign::refine_internal {
@@ -50,12 +51,9 @@ Disagreement DisagreementOf(const OwnMeasurements& own, const NormalEquations& p
                             const QuadraticCost& priors, const std::vector<char>& constant);
 
 /// The result for an excluded frame.
-struct ExcludedFrame {
-  Pose together;                 ///< its pose in the joint solution with it
-  bool disagrees = true;         ///< false: unusual, and its sensor has another frame
-  std::vector<int> contradicts;  ///< the frames that show it, the clearest first
-  State alone;                   ///< what its own measurements and the priors make most probable
-  Matrix6d covariance;           ///< of its pose in that
+struct ExcludedFrame : RefusedFit {
+  State alone;          ///< what its own measurements and the priors make most probable
+  Matrix6d covariance;  ///< of its pose in that
 };
 struct Agreed {
   Solution solution;                             ///< of the frames that agree

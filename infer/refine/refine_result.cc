@@ -58,8 +58,7 @@ RefinedFrame RefinedFrameOf(const Agreed& agreed, std::size_t i) {
     frame.depth_offset = excluded->alone.offsets[i];
     frame.depth_gain = 1 + excluded->alone.Errors(i)[kGain];
     frame.own_focal = excluded->alone.Errors(i)[kFocal];
-    frame.refused_fit = RefusedFit{excluded->together, excluded->disagrees, excluded->contradicts,
-                                   excluded->alone.Built(i)};
+    frame.refused_fit = *excluded;
   }
   frame.first_from_sensor =
       state.placements[state.frame_of[i].capture].ToPose() * frame.structure_from_sensor;
@@ -238,10 +237,11 @@ std::vector<RefinedQuantity> Quantities(const JointProblem& problem, const Agree
   for (std::size_t capture = 0; capture < layout.captures(); ++capture) {
     const Eigen::VectorXd sigmas = BoxSigmas(posterior, layout, capture, gauge);
     for (std::size_t b = 0; b < layout.boxes(); ++b) {
-      for (const auto& [kind, k] : {std::pair(Kind::kBoxX, BuildModel::X(static_cast<int>(b))),
-                                    std::pair(Kind::kBoxZ, BuildModel::Z(static_cast<int>(b))),
-                                    std::pair(Kind::kBoxYaw, BuildModel::Yaw(static_cast<int>(b)))})
+      auto k = static_cast<Eigen::Index>(3 * b);  // x, z and yaw
+      for (const Kind kind : {Kind::kBoxX, Kind::kBoxZ, Kind::kBoxYaw}) {
         add(kind, b, layout.Boxes(capture) + k, sigmas[k]);
+        ++k;
+      }
     }
   }
   std::set<std::size_t> sensors;

@@ -148,7 +148,7 @@ TEST(MakeResult, AnExcludedFrameKeepsItsOwn) {
   TwoCaptures two;
   two.agreed.solution.fixed[1] = 1;
   ExcludedFrame excluded;
-  excluded.together = RingPose(77);
+  excluded.structure_from_sensor = RingPose(77);
   excluded.contradicts = {3, 0};
   excluded.alone = two.agreed.solution.state;
   excluded.alone.poses[1] = PoseBlock(RingPose(88));
@@ -237,8 +237,7 @@ TEST(MakeResult, PairsHaveTheCovarianceOfTheDifference) {
   difference.middleCols<6>(two.problem->layout.Pose(2)) = -Matrix6d::Identity();
   const Matrix6d expected = difference * two.posterior.covariance * difference.transpose();
   EXPECT_TRUE(two.Result().pairs.at(1).covariance.isApprox(expected, 1e-9));
-  two.agreed.of[3] = ExcludedFrame{
-      Pose::Identity(), true, {}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
+  two.agreed.of[3] = ExcludedFrame{{}, two.agreed.solution.state, 1e-6 * Matrix6d::Identity()};
   const RefineResult result = two.Result();
   EXPECT_TRUE(result.pairs.at(1).covariance.isApprox(
       result.frames[2].covariance + result.frames[3].covariance, 1e-12));
