@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "core/base/lists.h"
+#include "infer/initial/agreement.h"
 #include "infer/initial/pose_candidates.h"
 #include "infer/initial/symmetries.h"
 #include "infer/view/alike.h"
@@ -25,28 +26,25 @@ InitialPose EstimateInitialPose(const SensorView& view, const SegmentationResult
   const SensorView coarse = Decimate(view, stride);
   const SegmentationResult coarse_labels = Decimate(segmentation, stride);
   const SurfaceTolerance tolerance = SurfaceTolerance::AtRoughPose(view.errors);
-  const auto compare = [&](const Pose& pose) {
-    return CompareWithView(coarse, coarse_labels, structure, pose, tolerance);
-  };
 
   const auto correct = [&](const SensorView& by, double max_distance_m, const Pose& pose) {
     return CorrectForVisibility(by, result.patches, structure, max_distance_m, pose).value_or(pose);
   };
 
+  double best = 0;
   for (const Pose& candidate :
        near ? std::vector<Pose>{*near} : FindCandidates(result.patches, structure)) {
     const Pose pose = correct(coarse, kMostKeypointError, candidate);
     if (near && !SamePose(structure, pose, *near)) continue;
-    const Agreement agreement = compare(pose);
-    if (result.found && !(agreement.score() > result.agreement.score())) continue;
+    const double score = CompareWithView(coarse, coarse_labels, structure, pose, tolerance).score();
+    if (result.found && !(score > best)) continue;
     result.found = true;
     result.structure_from_sensor = pose;
-    result.agreement = agreement;
+    best = score;
   }
-  if (!result.found) return result;
   // Centroids on the decimated grid are a few millimetres off.
-  result.structure_from_sensor = correct(view, kMostOff, result.structure_from_sensor);
-  result.agreement = compare(result.structure_from_sensor);
+  if (result.found)
+    result.structure_from_sensor = correct(view, kMostOff, result.structure_from_sensor);
   return result;
 }
 

@@ -5,7 +5,6 @@
 #include "core/config/config.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "infer/initial/agreement.h"
 #include "infer/initial/side_patch.h"
 #include "infer/view/segmentation.h"
 #include "infer/view/sensor_view.h"
@@ -52,11 +51,9 @@ struct InitialPoseOptions {
 
 /// The pose of one sensor by its labels alone.
 struct InitialPose {
-  bool found = false;  ///< there is a pose, right or wrong; see `agreement`
+  bool found = false;  ///< there is a pose, right or wrong
   /// Fitted to the sides' centroids and normals, not to single depths.
   Pose structure_from_sensor = Pose::Identity();
-  /// At the initial pose, on the decimated view, within SurfaceTolerance::AtRoughPose.
-  Agreement agreement;
   std::vector<SidePatch> patches;  ///< all that were found
 };
 

@@ -130,7 +130,6 @@ struct Captures {
     frame.name = sensor;
     captures[capture].frames.push_back(frame);
     Labelled view;
-    view.initial.agreement.same_label = view.initial.agreement.either = 100;
     view.other_pose = other_pose;
     labelled[capture].push_back(view);
     LocatedFrame of;
