@@ -15,25 +15,17 @@ namespace volalign {
 /// each candidate needs it.
 class SurfaceTolerance {
  public:
-  /// m: error of a plane that one normal, or a few points, gave.
-  static constexpr double kRoughPlane = kRoughPose / 2;
-  /// m: error of a surface of the structure at a refined pose, from boxes that are out of place.
-  static constexpr double kRoughBoxes = kRoughPose / 2;
-
-  /// For a plane from the same frame.
+  /// For a plane from the same frame, that one normal, or a few points, gave.
   static SurfaceTolerance OfPlane(const DepthErrorModel& errors) {
-    return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughPlane, kClearly * errors.WithinSurface(z)); });
+    return {kRoughPose / 2, errors, &DepthErrorModel::WithinSurface};
   }
   /// For the structure, at a pose that is not refined.
   static SurfaceTolerance AtRoughPose(const DepthErrorModel& errors) {
-    return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughPose, kClearly * errors.Sigma(z)); });
+    return {kRoughPose, errors, &DepthErrorModel::Sigma};
   }
-  /// For the structure, at a refined pose.
+  /// For the structure, at a refined pose: boxes may be out of place.
   static SurfaceTolerance AtPose(const DepthErrorModel& errors) {
-    return SurfaceTolerance(
-        [&](double z) { return std::hypot(kRoughBoxes, kClearly * errors.Sigma(z)); });
+    return {kRoughPose / 2, errors, &DepthErrorModel::Sigma};
   }
 
   /// The tolerance at depth z, m. Constant beyond the table's end.
@@ -48,10 +40,13 @@ class SurfaceTolerance {
   static constexpr double kStep = 0.1;  // m
   static constexpr std::size_t kSteps = 121;
 
-  template <class Tolerance>
-  explicit SurfaceTolerance(const Tolerance& tolerance) {
-    for (std::size_t i = 0; i < kSteps; ++i)
-      table_[i] = tolerance(std::max(kStep / 10, kStep * static_cast<double>(i)));
+  /// `surface`: m, the surface's own error.
+  SurfaceTolerance(double surface, const DepthErrorModel& errors,
+                   double (DepthErrorModel::*sigma)(double) const) {
+    for (std::size_t i = 0; i < kSteps; ++i) {
+      const double z = std::max(kStep / 10, kStep * static_cast<double>(i));
+      table_[i] = std::hypot(surface, kClearly * (errors.*sigma)(z));
+    }
   }
 
   std::array<double, kSteps> table_;
