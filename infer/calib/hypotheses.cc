@@ -14,6 +14,7 @@
 #include "core/base/parallel_for.h"
 #include "core/base/statistics.h"
 #include "core/geometry/camera.h"
+#include "infer/checks/depth_checks.h"
 #include "infer/initial/geometry_search.h"
 #include "infer/lens/sensor_lens.h"
 #include "infer/view/alike.h"
@@ -56,19 +57,11 @@ Capture WithScale(Capture capture, const std::set<std::string>& sensors, double 
   return capture;
 }
 
-double MedianDepth(const SensorView& view) {
-  std::vector<float> depths;
-  for (const float z : view.depth) {
-    if (z > 0) depths.push_back(z);
-  }
-  return depths.empty() ? 0 : Quantile(depths, 0.5);
-}
-
 /// The factor on depths with which at least half of the views show the structure's shape.
 std::optional<double> FindDepthFactor(const std::vector<SensorView>& views,
                                       const Structure& structure, const CalibrateOptions& options) {
   std::vector<double> medians;
-  for (const SensorView& view : views) medians.push_back(MedianDepth(view));
+  for (const SensorView& view : views) medians.push_back(Quantile(MeasuredDepths(view.depth), 0.5));
   const double middle = Quantile(medians, 0.5);
   if (!(middle > 0)) return std::nullopt;
   std::vector<double> factors;

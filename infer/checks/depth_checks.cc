@@ -24,13 +24,6 @@ constexpr double kLeastFar = 0.9;
 constexpr double kNearRoom = 0.5, kFarRoom = kFarthest;
 constexpr double kFarQuantile = 1 - kNotable;
 
-std::vector<float> MeasuredDepths(const DepthImage& depth) {
-  std::vector<float> values;
-  std::copy_if(depth.begin(), depth.end(), std::back_inserter(values),
-               [](float z) { return z > 0; });
-  return values;
-}
-
 std::string Metres(double depth) {
   return fmt::format(depth < 10 ? "{:.3g} m" : "{:.0f} m", depth);
 }
@@ -60,6 +53,13 @@ std::optional<DepthFinding> UnitProblem(const std::vector<float>& depths, double
 }
 
 }  // namespace
+
+std::vector<float> MeasuredDepths(const DepthImage& depth) {
+  std::vector<float> values;
+  std::copy_if(depth.begin(), depth.end(), std::back_inserter(values),
+               [](float z) { return z > 0; });
+  return values;
+}
 
 std::vector<DepthFinding> CheckDepths(const std::vector<SensorFrame>& frames,
                                       const std::vector<SensorView>& views) {

@@ -11,6 +11,9 @@
 
 namespace volalign {
 
+/// The depths of a map where there are any.
+std::vector<float> MeasuredDepths(const DepthImage& depth);
+
 /// The findings in a depth map alone.
 struct DepthFinding {
   std::optional<Finding> failure;  ///< no_depth, wrong_units or duplicate_depth

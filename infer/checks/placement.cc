@@ -20,24 +20,17 @@ namespace volalign {
 
 namespace {
 
-struct OwnPose {
-  Pose structure_from_sensor = Pose::Identity();
-  Matrix6d covariance = Matrix6d::Zero();
-};
-
 /// The sensor's pose from its own view, and its prior if one is given, with all quantities free
 /// that may be estimated.
-OwnPose RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
-                    const Pose& start, const std::optional<PosePrior>& prior,
-                    const RefineOptions& options) {
+RefinedFrame RefineAlone(const Seen& seen, FrameId id, std::shared_ptr<const SensorPoints> points,
+                         const Pose& start, const std::optional<PosePrior>& prior,
+                         const RefineOptions& options) {
   RefineSetup alone(options);
   alone.free.scale_priors = false;
   alone.threads = 1;
   FrameInput input{std::move(points), start, 0};
   input.prior = prior;
-  const RefinedFrame refined =
-      Refine(seen.input->structure, {input}, alone, {seen.lenses.Of(id)}).frames.front();
-  return {refined.structure_from_sensor, refined.covariance};
+  return Refine(seen.input->structure, {input}, alone, {seen.lenses.Of(id)}).frames.front();
 }
 
 Finding ExplainAlteredStack(const AssemblyReport& report) {
@@ -84,8 +77,8 @@ std::shared_ptr<const SensorPoints> PointsOf(const Seen& seen, FrameId id,
 
 /// The own pose, refined first with the frame's labels and then with those that it implies. The
 /// first labels do not end exactly at the sides' borders.
-OwnPose RefineTwice(const Seen& seen, FrameId id, const Labelled& labelled,
-                    const std::optional<PosePrior>& prior, const LocateOptions& options) {
+RefinedFrame RefineTwice(const Seen& seen, FrameId id, const Labelled& labelled,
+                         const std::optional<PosePrior>& prior, const LocateOptions& options) {
   const Pose pose = RefineAlone(seen, id, PointsOf(seen, id, labelled.segmentation, options),
                                 labelled.initial.structure_from_sensor, prior, options.refine)
                         .structure_from_sensor;
@@ -102,7 +95,7 @@ LocateResult LocateByItself(const Seen& seen, FrameId id, const LocateOptions& o
   if (!initial.found && labelled.source == PoseSource::kGeometry) return ExplainMissingShape();
   if (!initial.found) return ExplainMissingPose(initial);
 
-  const OwnPose own = RefineTwice(seen, id, labelled, {}, options);
+  const RefinedFrame own = RefineTwice(seen, id, labelled, {}, options);
   const Pose& pose = own.structure_from_sensor;
   const LocateFacts facts{
       ExplainView(view, labelled.ByNetwork(), structure, pose, options.refine.box_sigma_m),
@@ -142,7 +135,7 @@ std::optional<std::pair<LocatedFrame, Labelled>> LocateByPrior(const Seen& seen,
   labelled.source = PoseSource::kPrior;
   if (!labelled.initial.found) labelled.initial.structure_from_sensor = prior.world_from_sensor;
   labelled.initial.found = true;
-  const OwnPose own = RefineTwice(seen, id, labelled, prior, options);
+  const RefinedFrame own = RefineTwice(seen, id, labelled, prior, options);
   const Pose& pose = own.structure_from_sensor;
   if (!ShapeLogOdds(view, structure, pose) ||
       !(LargestSigmaPosition(pose, own.covariance) <= options.verdict.max_sigma_position_m)) {

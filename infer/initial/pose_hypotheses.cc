@@ -20,20 +20,6 @@ using Labellings = std::vector<const Labelling*>;
 /// m: a pose is labelled again while its labels move it farther than this.
 constexpr double kLabelsStay = 0.005;
 
-/// A frame and its labellings' labels with fewer rays.
-struct Coarse {
-  SensorView view;
-  std::vector<SegmentationResult> labels;  // of each labelling
-};
-
-Coarse Decimated(const SensorView& view, const Labellings& labellings) {
-  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
-  Coarse coarse{Decimate(view, stride), {}};
-  for (const Labelling* labelling : labellings)
-    coarse.labels.push_back(Decimate(labelling->segmentation, stride));
-  return coarse;
-}
-
 std::vector<Hypothesis> OfLabellings(const std::vector<StructureSymmetry>& symmetries,
                                      const Labellings& labellings, bool known_up) {
   std::vector<Hypothesis> poses;
@@ -92,7 +78,11 @@ std::vector<Hypothesis> FindHypotheses(const SensorView& view, const Structure& 
 
 void WeighHypotheses(const SensorView& view, const Structure& structure,
                      const Labellings& labellings, std::vector<Hypothesis>* hypotheses) {
-  const Coarse coarse = Decimated(view, labellings);
+  const int stride = StrideForRays(view.depth.size(), kCoarseRays);
+  const SensorView coarse = Decimate(view, stride);
+  std::vector<SegmentationResult> coarse_labels;
+  for (const Labelling* labelling : labellings)
+    coarse_labels.push_back(Decimate(labelling->segmentation, stride));
   std::vector<Pose> poses;
   for (const Hypothesis& each : *hypotheses) poses.push_back(each.structure_from_sensor);
   const std::vector<FloorFit> floors = FindFloors(view, structure, poses);
@@ -100,12 +90,12 @@ void WeighHypotheses(const SensorView& view, const Structure& structure,
   for (std::size_t k = 0; k < poses.size(); ++k) {
     Hypothesis& each = (*hypotheses)[k];
     const auto explain = [&](const SegmentationResult* by) {
-      return ExplainView(coarse.view, by, structure, poses[k], kRoughPose);
+      return ExplainView(coarse, by, structure, poses[k], kRoughPose);
     };
     ViewExplanation best = explain(nullptr);
     each.by_floor = floors[k].LogOdds();
     each.by_depth = best.LogOddsByDepth();
-    for (const SegmentationResult& labels : coarse.labels) {
+    for (const SegmentationResult& labels : coarse_labels) {
       const ViewExplanation other = explain(&labels);
       if (other.has_labels() && (!best.has_labels() || ByAllLabels(other) > ByAllLabels(best)))
         best = other;

@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -15,16 +14,15 @@ namespace volalign {
 
 namespace {
 
-/// Standard deviations of the logarithm of the focal length, of k1 and of k2.
-using Sigmas = std::array<double, kLensParameters>;
+// Standard deviations of the logarithm of the focal length, of k1 and of k2.
 
 /// A calibration of the device itself. Two factory calibrations of Azure Kinects agree to 0.1 % of
 /// the radius over the whole image.
-constexpr Sigmas kGiven = {0.002, 0.004, 0.006};
-constexpr Sigmas kUnknown = {0.01, 0.2, 0.15};
+const Eigen::Vector3d kGiven(0.002, 0.004, 0.006);
+const Eigen::Vector3d kUnknown(0.01, 0.2, 0.15);
 /// An unknown lens, if no plane looks bent. Most sensors whose capture gives no distortion rectify
 /// their images.
-constexpr Sigmas kNoBend = {0.01, 0.015, 0.02};
+const Eigen::Vector3d kNoBend(0.01, 0.015, 0.02);
 
 constexpr int kGridSteps = 8;  // of LargestShift, along each side of the image
 
@@ -33,11 +31,9 @@ constexpr int kNewtonSteps = 20;
 constexpr double kConverged = 1e-9;
 constexpr double kFolded = 0.05;  // determinant of the derivative, of which 1 is no distortion
 
-Eigen::Vector3d AsVector(const Sigmas& sigmas) { return {sigmas[0], sigmas[1], sigmas[2]}; }
-
 /// With the distortion of intrinsics, empty if there is none.
 LensPrior PriorOf(const TypicalLens& lens, LensSource source) {
-  return {lens.distortion, AsVector(lens.sigmas), source};
+  return {lens.distortion, Eigen::Vector3d(lens.sigmas.data()), source};
 }
 
 /// See SensorLens::own_focal_sigma. A kind without a known lens has that of a calibration.
@@ -94,13 +90,13 @@ Eigen::Vector2d SamePixelRay(const Intrinsics& from, const Intrinsics& to,
 }
 
 LensPrior PriorOfLens(const Intrinsics& given, const std::string& sensor) {
-  if (!given.distortion.empty()) return {given.distortion, AsVector(kGiven)};
+  if (!given.distortion.empty()) return {given.distortion, kGiven};
   const SensorKind* kind = FindSensorKind(sensor);
   if (kind != nullptr && kind->lens) return PriorOf(*kind->lens, LensSource::kKind);
-  return {{}, AsVector(kUnknown), LensSource::kGiven, true};
+  return {{}, kUnknown, LensSource::kGiven, true};
 }
 
-Eigen::Vector3d SigmasWithoutBend() { return AsVector(kNoBend); }
+Eigen::Vector3d SigmasWithoutBend() { return kNoBend; }
 
 std::vector<LensPrior> TypicalLenses() {
   std::vector<LensPrior> typical;
