@@ -1,4 +1,4 @@
-# Sourced by the scripts that build (quickstart.sh, test.sh, tests/sanitize.sh, tests/tidy.sh): the Debian 12 packages that
+# Sourced by the scripts that build (quickstart.sh, test.sh, tests/long/sanitize.sh, tests/long/tidy.sh): the Debian 12 packages that
 # volalign is built from, and how a preset is built.
 
 VOLALIGN_BUILD_PACKAGES=(

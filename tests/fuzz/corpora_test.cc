@@ -1,4 +1,4 @@
-// The inputs that fuzzing found (tests/fuzz/run.sh), once more: each is read, or refused in one
+// The inputs that fuzzing found (tests/long/fuzz.sh), once more: each is read, or refused in one
 // line.
 
 #include <gtest/gtest.h>

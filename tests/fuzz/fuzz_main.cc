@@ -1,4 +1,4 @@
-// libFuzzer's entry: `fuzz --target=NAME [libFuzzer's options] FOLDER ...` (tests/fuzz/run.sh).
+// libFuzzer's entry: `fuzz --target=NAME [libFuzzer's options] FOLDER ...` (tests/long/fuzz.sh).
 
 #include <cstddef>
 #include <cstdint>

@@ -1,6 +1,6 @@
-#!/usr/bin/env python3
+#!/usr/bin/python3
 """Memory (kB) and handles of a training run of 50,000 steps by each renderer, after the first tenth and at the end: neither grows. From the
-root of the repository, after the build of build/release."""
+root of the repository."""
 
 import os
 import subprocess
@@ -14,6 +14,7 @@ def use(pid):
     return int(status.split("VmRSS:")[1].split()[0]), len(os.listdir(f"/proc/{pid}/fd"))
 
 
+subprocess.run(["bash", "-c", "source cmake/packages.sh && build_preset release -DVOLALIGN_TESTS=ON volalign"], check=True)
 for renderer in ("cpu", "egl"):
     with tempfile.TemporaryDirectory() as folder:
         run = subprocess.Popen(

@@ -7,7 +7,6 @@
 
 #include <chrono>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <random>
 #include <string>
@@ -16,6 +15,7 @@
 
 #include "core/base/file_util.h"
 #include "core/nn/cpu/torch_threads.h"
+#include "tests/core/base/long_tests.h"
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
 #include "train/trainer.h"
@@ -82,10 +82,9 @@ bool KillOnce(pid_t child, const fs::path& run_dir, microseconds moment, bool wh
   return WIFSIGNALED(status);
 }
 
-// VOLALIGN_KILLS=N kills N times instead of 30. trainer_test resumes runs of every optimizer.
+// trainer_test resumes runs of every optimizer.
 TEST(Kill, ARunKilledAtAnyMomentEndsAsOneThatWasNot) {
-  const char* wanted = std::getenv("VOLALIGN_KILLS");
-  const int kills = wanted ? std::atoi(wanted) : 30;
+  const int kills = static_cast<int>(Rounds(30, 200));
   const TempFolder folder;
   int status = 1;
   const auto start = std::chrono::steady_clock::now();

@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
 # clang-tidy (.clang-tidy) on what changed; fails when it finds anything.
-#   tests/tidy.sh COMMIT           the C++ files that differ from COMMIT, and for a header every .cc that includes it directly
-#   tests/tidy.sh FILE.cc ...      these files
-#   tests/tidy.sh --all            every .cc file
+#   tests/long/tidy.sh                  every .cc file
+#   tests/long/tidy.sh COMMIT           the C++ files that differ from COMMIT, and for a header every .cc that includes it directly
+#   tests/long/tidy.sh FILE.cc ...      these files
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 source cmake/packages.sh
 
 install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_TIDY_PACKAGES[@]}"
 cmake --preset tidy >/dev/null
 
 all() { git ls-files --cached --others --exclude-standard '*.cc'; }
-case "${1:?usage: tests/tidy.sh COMMIT | FILE.cc ... | --all}" in
-  --all) files=$(all) ;;
+case "${1:-}" in
+  "") files=$(all) ;;
   *.cc) files=$(printf '%s\n' "$@") ;;
   *)
     changed=$({ git diff --name-only --diff-filter=d "$1"; git ls-files --others --exclude-standard; } | grep -E '\.(cc|h)$' || true)

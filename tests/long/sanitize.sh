@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Runs tests with assertions, address sanitizer and undefined-behaviour sanitizer (preset asan: clang 14, build/asan).
-#   tests/sanitize.sh                       the whole suite
-#   tests/sanitize.sh core infer/formats    the quick tests of these folders; builds no more than they need
+#   tests/long/sanitize.sh                       the whole suite
+#   tests/long/sanitize.sh core infer/formats    the quick tests of these folders; builds no more than they need
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 source cmake/packages.sh
 
 install_packages "${VOLALIGN_BUILD_PACKAGES[@]}" "${VOLALIGN_TEST_PACKAGES[@]}" "${VOLALIGN_SANITIZER_PACKAGES[@]}"

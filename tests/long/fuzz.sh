@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # Fuzzes the readers of tests/fuzz/targets.cc under the sanitizers (preset fuzz). New inputs are kept in build/fuzz/found, what a reader
 # does not take well in build/fuzz/findings; the script fails where there is one.
-#   tests/fuzz/run.sh SECONDS [TARGET ...]   each target, or these, for so many seconds of processor time
-#   tests/fuzz/run.sh --keep TARGET ...      packs into tests/fuzz/corpus/TARGET.tar its inputs that have a name, and of the others, and of
-#                                            those found of at most 4 kB, the fewest that reach all that they reach together
+#   tests/long/fuzz.sh [SECONDS [TARGET ...]]   each target, or these, for so many seconds of processor time, without arguments 600
+#   tests/long/fuzz.sh --keep [TARGET ...]      packs into tests/fuzz/corpus/TARGET.tar its inputs that have a name, and of the others, and of
+#                                               those found of at most 4 kB, the fewest that reach all that they reach together
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 source cmake/packages.sh
@@ -13,8 +13,8 @@ build_preset fuzz fuzz >/dev/null
 export ASAN_SYMBOLIZER_PATH=/usr/lib/llvm-14/bin/llvm-symbolizer ASAN_OPTIONS=allocator_may_return_null=1
 # Readers of files get theirs in memory.
 export TMPDIR=/dev/shm
-what=${1:?usage: tests/fuzz/run.sh SECONDS [TARGET ...] | --keep TARGET ...}
-shift
+what=${1:-600}
+shift || true
 [ $# -gt 0 ] || set -- $(basename -s .tar tests/fuzz/corpus/*)
 
 failed=0
