@@ -13,7 +13,9 @@
 #include "core/base/text.h"
 #include "core/config/config.h"
 #include "core/formats/image_io.h"
+#include "core/geometry/camera.h"
 #include "core/geometry/rig.h"
+#include "core/geometry/sensor_kind.h"
 #include "core/geometry/structure.h"
 #include "core/model/checkpoint_meta.h"
 #include "core/nn/safetensors.h"
@@ -89,6 +91,11 @@ const std::vector<FuzzTarget>& FuzzTargets() {
       {"extrinsics", [](Bytes bytes) { ReadExtrinsics(FileOf("extrinsics.json", bytes)); }},
       {"options",
        [](Bytes bytes) { ReadConfig<CalibrateOptions>(ConfigSource::FromString(bytes, "file")); }},
+      {"pool",
+       [](Bytes bytes) {
+         ReadIntrinsicsPool(FileOf("pool.yaml", bytes).string());
+         ParseSensorKinds(bytes, "file");
+       }},
       {"rig", [](Bytes bytes) { ReadRig(ConfigSource::FromString(bytes, "file")); }},
       {"poses_json", [](Bytes bytes) { poses::ReadPosesJson(bytes, "file"); }},
       {"open3d", [](Bytes bytes) { poses::ReadOpen3d(bytes, "file"); }},

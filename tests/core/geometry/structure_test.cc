@@ -343,7 +343,6 @@ TEST_F(StructureYaml, RejectsBadFiles) {
   ExpectBad("", {"at least one box or mesh", path_});
   ExpectBad("boxes:\n" + box_ + "colour: red\n", {path_ + ":3", "unknown key 'colour'"});
   ExpectBadBox("name: a, x: [0, 10], y: [0, 20]", "'boxes[0].z' is missing");
-  ExpectBadBox("name: a, x: [0, 10], yy: [0, 20], z: [0, 30]", "did you mean 'boxes[0].y'?");
   ExpectBadBox("x: [0, 10], y: [0, 20], z: [0, 30]", "'boxes[0].name' is missing");
   ExpectBadBox("name: a, x: [0, 10], y: [20, 0], z: [0, 30]",
                "boxes[0].y = [20, 0] of box 'a' violates min < max");

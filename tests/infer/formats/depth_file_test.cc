@@ -93,9 +93,6 @@ TEST_F(DepthFileTest, Tiff) {
   ExpectFilled(path, false, 0.001);
   ASSERT_TRUE(cv::imwrite(path, Filled(CV_64F, 0.001)));
   ExpectFilled(path, false, 0.001);
-  const std::string whole = ReadFile(path);
-  WriteFileAtomically(path, whole.substr(0, whole.size() / 2));
-  ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.tiff", "TIFF"});
   ASSERT_TRUE(cv::imwrite(path, cv::Mat(kHeight, kWidth, CV_8UC3, cv::Scalar(1, 2, 3))));
   ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.tiff", "1 channel", "3"});
 }
@@ -213,10 +210,6 @@ TEST_F(DepthFileTest, OpenExr) {
   const std::string path = (folder_ / "a.exr").string();
   ASSERT_TRUE(cv::imwrite(path, Filled(CV_32F, 0.001)));  // one channel, Y
   ExpectFilled(path, false, 0.001);
-  const std::string whole = ReadFile(path);
-  WriteFileAtomically(path, whole.substr(0, whole.size() - 20));
-  ExpectError<DataError>([&] { ReadStoredDepth(path); }, {"a.exr", "OpenEXR"});
-
   const cv::Mat grey = Filled(CV_32F, 0.001), twice = Filled(CV_32F, 0.002);
   cv::Mat colour;
   cv::merge(std::vector<cv::Mat>{grey, grey, grey}, colour);
