@@ -70,32 +70,30 @@ std::map<std::string, NoiseModel>& Registered() {
   return registered;
 }
 
-constexpr std::array<const char*, 4> kBuiltIn{"none", "paper", "sensor", "physics"};
-
 }  // namespace
 
-std::vector<std::string> NoiseModelNames() {
-  std::vector<std::string> names(kBuiltIn.begin(), kBuiltIn.end());
-  for (const auto& [name, model] : Registered()) names.push_back(name);
-  return names;
-}
-
 void RegisterNoiseModel(const std::string& name, NoiseModel model) {
-  if (std::count(kBuiltIn.begin(), kBuiltIn.end(), name) > 0 ||
-      !Registered().emplace(name, std::move(model)).second) {
+  std::vector<std::string>& names = NoiseModelNames();
+  if (std::count(names.begin(), names.end(), name) > 0)
     throw Error(fmt::format("there is a noise model '{}' already", name));
-  }
+  names.push_back(name);
+  Registered()[name] = std::move(model);
 }
 
-bool WantsSensorModel(const std::string& model) { return model == "sensor" || model == "physics"; }
-
-bool HasSensorModel(const std::string& sensor) { return KindOf(sensor) != nullptr; }
-
-std::string SensorModelNames() {
-  std::string names;
-  for (const ModelledKind& kind : kKinds)
-    names += fmt::format("{}{}*", names.empty() ? "" : ", ", kind.prefix);
-  return names;
+void RequireNoiseModels(const std::string& key, const std::vector<std::string>& models,
+                        const std::string& sensor) {
+  for (std::size_t i = 0; i < models.size(); ++i) {
+    if (models[i] == "physics" && i > 0) {
+      throw ConfigError(
+          fmt::format("{}: physics measures the scene itself; name it first in the list", key));
+    }
+    if ((models[i] != "sensor" && models[i] != "physics") || KindOf(sensor) != nullptr) continue;
+    std::string kinds;
+    for (const ModelledKind& kind : kKinds)
+      kinds += fmt::format("{}{}*", kinds.empty() ? "" : ", ", kind.prefix);
+    throw ConfigError(fmt::format("{} = {}: no model for sensor {}, but for {}; use paper or none",
+                                  key, models[i], sensor, kinds));
+  }
 }
 
 VOLALIGN_CLONES void FindFaceEdges(const std::uint16_t* faces, const std::uint16_t* below,
@@ -131,13 +129,7 @@ NoisyView ApplyModel(const std::string& name, const NoiseConfig& config, const N
   if (name == "paper") return PaperNoise(config, input, random);
   if (const auto own = Registered().find(name); own != Registered().end())
     return own->second(input, random);
-  const ModelledKind* kind = KindOf(input.sensor);
-  if (kind == nullptr) {
-    throw ConfigError(
-        fmt::format("noise.models = {}: no model for sensor {}, but for {}; use paper or none",
-                    name, input.sensor, SensorModelNames()));
-  }
-  const SensorModel model = kind->model(input.intrinsics);
+  const SensorModel model = KindOf(input.sensor)->model(input.intrinsics);
   if (name == "physics") {
     if (!device->seed)
       device->seed = static_cast<std::uint64_t>(random.NextU32()) << 32 | random.NextU32();
@@ -154,6 +146,7 @@ NoisyView ApplyModel(const std::string& name, const NoiseConfig& config, const N
 
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
                      std::uint64_t index, DeviceErrors* device) {
+  RequireNoiseModels("noise.models", config.models, input.sensor);
   RandomStream random(seed, index, "noise");
   DeviceErrors drawn;
   if (!device) device = &drawn;

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/base/random.h"
 #include "core/geometry/camera.h"
@@ -54,25 +55,22 @@ struct DeviceErrors {
   std::optional<std::uint64_t> seed;  ///< of the noise model "physics"
 };
 
-/// Does this value of noise.models need a sensor model?
-bool WantsSensorModel(const std::string& model);
-/// Has a pool name a sensor model?
-bool HasSensorModel(const std::string& sensor);
-/// The beginnings of pool names with a model, for messages: "azure_kinect*, kinect_v2*, ...".
-std::string SensorModelNames();
-
 /// Depth and labels after a sensor's noise. A pure function of the input and the numbers that it
 /// draws, on which alone a training sample depends. Called by several threads at once.
 using NoiseModel = std::function<NoisyView(const NoiseInput&, RandomStream&)>;
 
-/// Makes `name` a value of noise.models. To be called at the start of a program, before other
-/// threads run. Throws Error if the model exists.
+/// Makes `name` a noise model of recipes and rigs. To be called at the start of a program, before
+/// other threads run. Throws Error if the model exists.
 void RegisterNoiseModel(const std::string& name, NoiseModel model);
+
+/// Throws ConfigError if the models of the key cannot be applied to a sensor (pool name). There is
+/// no "sensor" and no "physics" for some, and "physics" has to be the first model.
+void RequireNoiseModels(const std::string& key, const std::vector<std::string>& models,
+                        const std::string& sensor);
 
 /// Applies config.models in order. Pixels that one leaves without depth show no face to the next.
 /// Random stage "noise". If `device` has errors, they replace those that the frame would draw. If
-/// it is empty, it receives the frame's. Throws ConfigError for the models "sensor" and "physics"
-/// if the sensor is not in SensorModelNames.
+/// it is empty, it receives the frame's. Throws as RequireNoiseModels.
 NoisyView ApplyNoise(const NoiseConfig& config, const NoiseInput& input, std::uint64_t seed,
                      std::uint64_t index, DeviceErrors* device = nullptr);
 

@@ -148,6 +148,7 @@ CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<Intrinsic
   CapturedSensor sensor;
   sensor.name = rig.sensors[i].name;
   sensor.sensor = rig.sensors[i].sensor;
+  RequireNoiseModels("noise", rig.noise, sensor.sensor);
   sensor.stated_intrinsics = DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
   sensor.intrinsics =
       Deviating(sensor.stated_intrinsics, 0.01 * rig.lens_spread_percent, rig.seed, index);
@@ -204,7 +205,8 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   }
 
   NoiseConfig noise;
-  noise.models = {rig.noise};
+  noise.models = rig.noise;
+  const bool frame_errors = std::count(rig.noise.begin(), rig.noise.end(), "sensor") > 0;
   std::int64_t frames = 0;
   const auto frames_of_all = static_cast<std::int64_t>(rig.sensors.size() * captures.size());
   if (count) count(frames, frames_of_all);
@@ -229,7 +231,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
           view, mesh, built, sensor.intrinsics, sensor.structure_from_sensor, sensor.sensor};
       NoisyView noisy =
           ApplyNoise(noise, input, rig.seed, kRigIndex + k * kCaptureStride + i, &errors);
-      if (rig.noise == "sensor") {
+      if (frame_errors) {
         AddFrameErrors(
             input, {rig.seed, kRigIndex + (redrawn ? k : 0) * kCaptureStride + i, "frame"}, &noisy);
       }

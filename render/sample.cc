@@ -132,19 +132,8 @@ SampleContext MakeSampleContext(const SampleConfig& config, int batch_size,
     }
   }
   context.pool = EntriesOf(config.sensors, pool);
-  for (const std::string& model : config.noise.models) {
-    if (model == "physics" && &model != &config.noise.models.front()) {
-      throw ConfigError(
-          "data.noise.models: physics measures the scene itself; name it first in the list");
-    }
-    for (const IntrinsicsPoolEntry& entry : context.pool) {
-      if (WantsSensorModel(model) && !HasSensorModel(entry.sensor)) {
-        throw ConfigError(fmt::format(
-            "data.noise.models = {}: no model for sensor {}, but for {}; use paper or none", model,
-            entry.sensor, SensorModelNames()));
-      }
-    }
-  }
+  for (const IntrinsicsPoolEntry& entry : context.pool)
+    RequireNoiseModels("data.noise.models", config.noise.models, entry.sensor);
   for (const std::string& text : config.image_sizes) {
     const ImageSize size = ParseImageSize(text);
     if (Candidates(context.pool, size).empty()) {

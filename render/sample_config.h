@@ -9,10 +9,6 @@
 
 namespace volalign {
 
-/// Values of noise.models: "none", "paper", "sensor", "physics", then those of RegisterNoiseModel
-/// (render/noise.h).
-std::vector<std::string> NoiseModelNames();
-
 /// Distribution of sensor poses. The defaults are the paper's (Results, "Implementation details").
 struct PoseConfig {
   std::array<double, 2> rho_cm{150, 275};

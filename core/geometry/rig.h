@@ -128,7 +128,7 @@ struct Rig {
   bool structure_present = true;
   bool room = true;
   bool tripods = true;
-  std::string noise = "sensor";
+  std::vector<std::string> noise{"sensor"};
   bool state_lens = true;
   double lens_spread_percent = 0;
   double hidden_share = 0;
@@ -155,8 +155,10 @@ struct Rig {
     ar("structure_present", structure_present, "false: the room alone, to test failure");
     ar("room", room, "false: nothing but the structure");
     ar("tripods", tripods, "draw the other sensors and their tripods (with room only)");
-    ar("noise", noise, "none, paper, sensor or physics (docs/sensor-models.md)",
-       OneOf({"none", "paper", "sensor", "physics"}));
+    ar("noise", noise,
+       "one or a list of none, paper, sensor and physics (docs/sensor-models.md), as "
+       "data.noise.models of a recipe, applied in this order; your program can register others",
+       OneOf(NoiseModelNames()));
     ar("state_lens", state_lens,
        "true: the capture states the lens of the intrinsics pool. false: frames are drawn through "
        "it, but the capture leaves it out");

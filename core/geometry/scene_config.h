@@ -1,10 +1,19 @@
 #pragma once
 
 #include <array>
+#include <string>
+#include <vector>
 
 #include "core/config/config.h"
 
 namespace volalign {
+
+/// Noise models by their names in recipes and rigs. RegisterNoiseModel (render/noise.h) adds to
+/// them at the start of a program, before other threads run.
+inline std::vector<std::string>& NoiseModelNames() {
+  static std::vector<std::string> names{"none", "paper", "sensor", "physics"};
+  return names;
+}
 
 /// The surroundings of the structure.
 struct SceneConfig {

@@ -20,6 +20,7 @@
 #include "core/geometry/visibility.h"
 #include "render/capture_writer.h"
 #include "render/egl/renderers.h"
+#include "render/noise.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/pixels.h"
 #include "tests/core/base/tally.h"
@@ -484,11 +485,33 @@ TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
   EXPECT_NEAR(turn.Mean(), 180, 24);
   // Between two sensors that leave little room, none stands in either.
   rig.sensors[0].rho_cm = rig.sensors[1].rho_cm = 130;
-  rig.noise = "none";
+  rig.noise = {"none"};
   rig.placements = DrawPlacements(rig, 5, 0.8);
   EXPECT_NO_THROW(RenderPlacements(rig, renderer_));
   rig.sensors[0].rho_cm = 10;
   ExpectError<ConfigError>([&] { DrawPlacements(rig, 1, 0.05); }, {"0.05 m"});
+}
+
+TEST_F(RigTest, NoiseIsAListOfModelsOrOneOfThem) {
+  EXPECT_EQ(Parse("noise: paper\n" + kTwo).noise, std::vector<std::string>{"paper"});
+  ExpectBad("noise: [paper, nearer]\n" + kTwo, "noise = nearer");
+  RegisterNoiseModel("nearer", [](const NoiseInput& input, RandomStream&) {
+    NoisyView seen{input.view.depth, input.view.labels};
+    for (float& z : seen.depth) z *= 0.5F;
+    return seen;
+  });
+  const auto render = [&](const std::string& noise) {
+    return RenderOne(Parse("room: false\nnoise: " + noise + "\n" + kTwo), renderer_);
+  };
+  const RigCapture once = render("[nearer]"), twice = render("[nearer, none, nearer]");
+  for (std::size_t i = 0; i < twice.sensors.size(); ++i) {
+    const CapturedSensor& sensor = twice.sensors[i];
+    for (const auto [u, v] : Pixels(sensor.depth)) {
+      EXPECT_EQ(sensor.depth(u, v), 0.25F * sensor.depth_clean(u, v));
+      EXPECT_EQ(once.sensors[i].depth(u, v), 0.5F * sensor.depth_clean(u, v));
+    }
+  }
+  ExpectError<ConfigError>([&] { render("[paper, physics]"); }, {"noise: physics"});
 }
 
 TEST_F(RigTest, ShippedRigsAreValid) {
