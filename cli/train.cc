@@ -19,11 +19,11 @@
 #include "core/base/interrupt.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
+#include "train/data_parallel.h"
 #include "train/distributed/launch.h"
 #include "train/log/run_log.h"
 #include "train/run_inputs.h"
 #include "train/sweep.h"
-#include "train/together.h"
 #include "train/train_config.h"
 #include "train/trainer.h"
 

@@ -88,7 +88,7 @@ std::vector<Group> GroupsOf(const std::vector<SampleScore>& scores) {
 }
 
 nlohmann::ordered_json ToJson(const ValidationResult& r) {
-  nlohmann::ordered_json j = {{"samples", r.samples}, {"posed", r.posed}};
+  nlohmann::ordered_json j = {{"samples", r.samples}, {"posed", r.samples_with_pose}};
   for (const auto& [name, mean] : NamedMeans(r)) j[name] = mean;
   return j;
 }
@@ -126,8 +126,9 @@ Table ValidationTable(const std::vector<ValidatedModel>& models) {
         return r.means.count(name) > 0 ? Table::Cell(r.Mean(name)) : Table::Cell();
       };
       table.rows.push_back({model.file, model.training_samples, group, CellOf(r.samples),
-                            mean("miou"), mean("miou_authors"), mean("loss_seg"), CellOf(r.posed),
-                            mean("median_translation_error_m"), mean("median_rotation_error_deg")});
+                            mean("miou"), mean("miou_authors"), mean("loss_seg"),
+                            CellOf(r.samples_with_pose), mean("median_translation_error_m"),
+                            mean("median_rotation_error_deg")});
     };
     row("all", Summarise(model.result.scores));
     for (const Group& group : GroupsOf(model.result.scores))

@@ -101,7 +101,7 @@ LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor&
                           : std::min(1.0, static_cast<double>(samples) /
                                               static_cast<double>(config_.lambda_warmup_samples));
   return {share * segmentation + share * config_.lambda * ramp * loss.loss,
-          loss.degenerate,
+          loss.degenerate_samples,
           {segmentation, loss.loss}};
 }
 

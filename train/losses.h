@@ -18,8 +18,8 @@ at::Tensor VisibleSides(const at::Tensor& labels, const at::Tensor& depth, int n
                         int min_pixels);
 
 struct LossTerms {
-  at::Tensor total;       ///< scalar, differentiable: the weighted sum of `terms`
-  at::Tensor degenerate;  ///< int64 scalar, samples that added nothing to loss_3d
+  at::Tensor total;               ///< scalar, differentiable: the weighted sum of `terms`
+  at::Tensor degenerate_samples;  ///< int64 scalar, those that added nothing to loss_3d
   /// Scalars without their weights, in the order of TrainingLoss::names().
   std::vector<at::Tensor> terms;
 };

@@ -39,8 +39,8 @@ at::Tensor StructureKeypoints(const Structure& structure, KeypointKind kind);
 
 struct ProcrustesLoss {
   at::Tensor loss;  ///< scalar: sum over the samples / B, m
-  at::Tensor
-      degenerate;  ///< int64 scalar: samples whose keypoints fix no rotation; they add nothing
+  /// int64 scalar: samples whose keypoints fix no rotation; they add nothing.
+  at::Tensor degenerate_samples;
 };
 
 /// The paper's loss (section "Soft Procrustes"): L_3D = ||M . (S^ - Omega C^)||_F per sample. C

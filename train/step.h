@@ -10,9 +10,9 @@
 #include "train/batch.h"
 #include "train/compute.h"
 #include "train/distributed/process_group.h"
-#include "train/learner.h"
 #include "train/log/metrics.h"
 #include "train/losses.h"
+#include "train/train_state.h"
 
 namespace volalign {
 
@@ -33,13 +33,13 @@ struct StepNumbers {
 StepReport ReadSums(const at::Tensor& sums, const std::vector<std::string>& names);
 
 /// Forward, loss and backward pass of one batch after `samples` samples, `micro_batch` samples at a
-/// time (0: all). Fills `learner.flat`'s gradient. Changes no weight, so that a step that is not
+/// time (0: all). Fills `state.flat`'s gradient. Changes no weight, so that a step that is not
 /// finite can be skipped. Running statistics of a batch normalisation change. If `times` is not
 /// null, all except data and optim are measured: this waits for the device after each part.
 /// `between` is called between micro-batches; its exceptions are passed on. If `batch` is a
 /// process's slice, `share` is its share of the samples, and `group` adds up gradients and report
 /// over the processes.
-StepNumbers ComputeGradient(Learner& learner, const TrainingLoss& loss, const Batch& batch,
+StepNumbers ComputeGradient(TrainState& state, const TrainingLoss& loss, const Batch& batch,
                             const Compute& compute, std::int64_t samples, int micro_batch,
                             StepTimes* times = nullptr, double share = 1,
                             ProcessGroup* group = nullptr,

@@ -22,15 +22,15 @@
 #include "core/base/interrupt.h"
 #include "train/batch.h"
 #include "train/compute.h"
+#include "train/data_parallel.h"
 #include "train/distributed/process_group.h"
-#include "train/learner.h"
 #include "train/log/run_folder.h"
 #include "train/log/sinks.h"
 #include "train/losses.h"
 #include "train/run_inputs.h"
-#include "train/state.h"
+#include "train/saved_state.h"
 #include "train/step.h"
-#include "train/together.h"
+#include "train/train_state.h"
 
 namespace volalign {
 namespace {
@@ -57,9 +57,9 @@ struct Interruption {};
 /// a process was interrupted.
 class Run {
  public:
-  /// Continues `state`, or starts at the first sample, up to options.stop_at_samples.
+  /// Continues `saved`, or starts at the first sample, up to options.stop_at_samples.
   Run(const TrainingData& data, const TrainConfig& config, const Compute& compute,
-      ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> state,
+      ProcessGroup& group, const RunFolder* folder, std::optional<SavedState> saved,
       const TrainOptions& options, const InterruptGuard& guard)
       : data_(data),
         config_(config),
@@ -69,13 +69,13 @@ class Run {
         compute_(compute),
         stop_(options.stop_at_samples > 0 ? std::min(options.stop_at_samples, config.run.samples)
                                           : config.run.samples),
-        learner_(config, data.structure.num_classes(), compute_),
+        state_(config, data.structure.num_classes(), compute_),
         loss_(config.loss, data.structure, compute_.device) {
     saved_ = std::stoll(group.BroadcastFromRankZero([&] {
-      InitialiseOnRankZero(std::move(state), options);
+      InitialiseOnRankZero(std::move(saved), options);
       return std::to_string(saved_);
     }));
-    ShareState(group, &learner_, &progress_);
+    BroadcastState(group, &state_, &progress_);
   }
 
   /// Writes to stderr, in rank 0 of a run that is not quiet.
@@ -104,7 +104,7 @@ class Run {
       throw Error(fmt::format(
           "step {}: {} is out of memory with {} samples at once: set run.micro_batch to fewer, "
           "which gives the same step, or run.batch_size; the last state, for --resume, is {}",
-          learner_.optimizer.steps() + 1, compute_.device.str(),
+          state_.optimizer.steps() + 1, compute_.device.str(),
           micro > 0 ? micro : config_.run.batch_size, LastState()));
     }
   }
@@ -137,7 +137,7 @@ class Run {
     if (saved_ != progress_.samples) {
       Save();
     } else if (modelled_ != progress_.samples && folder_ != nullptr) {
-      SaveModel(folder_->model(), config_, data_, learner_, progress_);
+      SaveModel(folder_->model(), config_, data_, state_, progress_);
     }
     Say(fmt::format("{} after {} samples: {}",
                     result.finished ? "finished" : "stopped (continue with --resume)",
@@ -146,13 +146,13 @@ class Run {
   }
 
   /// Restores the state in rank 0 and opens the files of the folder.
-  void InitialiseOnRankZero(std::optional<SavedState> state, const TrainOptions& options) {
-    if (state) {
-      Restore(*state, &learner_);
-      progress_ = state->progress;
+  void InitialiseOnRankZero(std::optional<SavedState> saved, const TrainOptions& options) {
+    if (saved) {
+      Restore(*saved, &state_);
+      progress_ = saved->progress;
       saved_ = progress_.samples;
     } else if (!config_.run.init.empty()) {
-      progress_.init_samples = StartFrom(config_.run.init, data_.structure, &learner_);
+      progress_.init_samples = StartFrom(config_.run.init, data_.structure, &state_);
     }
     folder_->BeginAfter(progress_.samples);
     if (options.begun) options.begun();
@@ -170,11 +170,11 @@ class Run {
   template <class F>
   bool SaveStateOnLostProcess(const F& f) {
     if (group_.size() == 1) return f();
-    const at::Tensor buffers = learner_.flat.buffers().clone();
+    const at::Tensor buffers = state_.flat.buffers().clone();
     try {
       return f();
     } catch (const LostProcess& e) {
-      learner_.flat.buffers().copy_(buffers);
+      state_.flat.buffers().copy_(buffers);
       if (folder_ != nullptr && saved_ != progress_.samples) SaveAlone();
       throw LostProcess(fmt::format(
           "after {} samples: {}: --resume continues the run, with any number of processes",
@@ -214,24 +214,24 @@ class Run {
     // Avoids waiting for a device, except in one step of each row.
     const bool measured = compute_.device.is_cpu() || !pending_.sums.defined();
     const auto start = Clock::now();
-    const at::Tensor buffers = learner_.flat.buffers().clone();
+    const at::Tensor buffers = state_.flat.buffers().clone();
     StepNumbers numbers;
     try {
-      numbers = ComputeGradient(learner_, loss_, batch, compute_, progress_.samples,
+      numbers = ComputeGradient(state_, loss_, batch, compute_, progress_.samples,
                                 config_.run.micro_batch, measured ? &times : nullptr, share,
                                 alone ? nullptr : &group_, [&] {
                                   if (alone && Interrupted()) throw Interruption();
                                 });
     } catch (const Interruption&) {
-      learner_.flat.buffers().copy_(buffers);
+      state_.flat.buffers().copy_(buffers);
       return false;
     }
     progress_.NoteCameras(batch.cameras);
     const auto updating = Clock::now();
     progress_.lr = LearningRate(config_.optim, progress_.samples, config_.run.samples);
-    at::Tensor& moved = learner_.flat.buffers();
+    at::Tensor& moved = state_.flat.buffers();
     moved.copy_(at::where(numbers.finite, moved, buffers));
-    learner_.Update(progress_.lr, numbers.norm, numbers.finite);
+    state_.Update(progress_.lr, numbers.norm, numbers.finite);
     if (measured) {
       Synchronize(compute_.device);
       pending_.measured = times;
@@ -288,10 +288,10 @@ class Run {
           "step {} (samples up to {}): loss or gradient is not finite, as in all {} steps since "
           "the "
           "last row of the log: lower optim.lr or set optim.clip_norm; the last good state is {}",
-          learner_.optimizer.steps() + 1, progress_.samples - 1, sum.steps, LastState()));
+          state_.optimizer.steps() + 1, progress_.samples - 1, sum.steps, LastState()));
     }
     const TrainRow row =
-        progress_.means.Take(learner_.optimizer.steps(), progress_.samples, progress_.lr);
+        progress_.means.Take(state_.optimizer.steps(), progress_.samples, progress_.lr);
     for (MetricSink* sink : sinks_) sink->Train(row);
   }
 
@@ -307,10 +307,10 @@ class Run {
     const int samples =
         data_.validation_frames > 0 ? data_.validation_frames : config_.run.validation_samples;
     if (samples > 0) {
-      learner_.average.Refresh(learner_.flat);
+      state_.average.Refresh(state_.flat);
       const CountDone count = bar_ ? bar_->Counter() : nullptr;
       try {
-        result = Validate(learner_.average.net(), loss_, data_.structure, config_.loss.keypoints,
+        result = Validate(state_.average.net(), loss_, data_.structure, config_.loss.keypoints,
                           data_.open_validation(), OwnShare(samples), compute_.device,
                           compute_.channels_last, [&](std::int64_t done, std::int64_t all) {
                             if (count) count(done, all);
@@ -319,16 +319,16 @@ class Run {
       } catch (const Interruption&) {
         return false;
       }
-      result = ShareValidation(group_, result, config_.run.batch_size);
+      result = MergeValidation(group_, result, config_.run.batch_size);
     }
     progress_.validated = progress_.samples;
     result_.validation = result;
     if (samples == 0) return true;
     for (MetricSink* sink : sinks_)
-      sink->Validation({learner_.optimizer.steps(), progress_.samples, result});
+      sink->Validation({state_.optimizer.steps(), progress_.samples, result});
     if (progress_.best.Note(result, progress_.samples)) {
       ReduceSeenIntrinsics(group_, &progress_);
-      if (folder_ != nullptr) SaveModel(folder_->best(), config_, data_, learner_, progress_);
+      if (folder_ != nullptr) SaveModel(folder_->best(), config_, data_, state_, progress_);
     }
     return true;
   }
@@ -351,10 +351,10 @@ class Run {
 
   void SaveAlone() {
     FlushStepMeans();
-    SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, learner_,
+    SaveState(folder_->State(progress_.samples), config_, data_.identity, compute_, state_,
               progress_);
     folder_->KeepStates(kStatesKept);
-    SaveModel(folder_->model(), config_, data_, learner_, progress_);
+    SaveModel(folder_->model(), config_, data_, state_, progress_);
   }
 
   const TrainingData& data_;
@@ -364,7 +364,7 @@ class Run {
   const InterruptGuard& guard_;
   Compute compute_;
   std::int64_t stop_;
-  Learner learner_;
+  TrainState state_;
   TrainingLoss loss_;
   RunProgress progress_;
   TrainResult result_;
@@ -435,18 +435,19 @@ TrainResult TrainOn(const TrainingData& data, const TrainConfig& config,
   std::optional<RunFolder> folder;
   std::optional<SavedState> state;
   std::vector<std::string> damaged;
-  compute = Agree(group, {compute, WriteConfig(config), data.identity + data.structure.Hash()},
-                  [&](Compute chosen) {
-                    if (options.resume && !std::filesystem::exists(options.run_dir)) {
-                      NothingToResume(options.run_dir);
-                    }
-                    folder.emplace(options.run_dir);
-                    state = ReadState(*folder, data, config, options.resume, &damaged);
-                    if (!state) return chosen;
-                    chosen.type = state->bf16 ? at::kBFloat16 : at::kFloat;
-                    chosen.channels_last = state->channels_last;
-                    return chosen;
-                  });
+  compute =
+      AgreeOnCompute(group, {compute, WriteConfig(config), data.identity + data.structure.Hash()},
+                     [&](Compute chosen) {
+                       if (options.resume && !std::filesystem::exists(options.run_dir)) {
+                         NothingToResume(options.run_dir);
+                       }
+                       folder.emplace(options.run_dir);
+                       state = ReadState(*folder, data, config, options.resume, &damaged);
+                       if (!state) return chosen;
+                       chosen.type = state->bf16 ? at::kBFloat16 : at::kFloat;
+                       chosen.channels_last = state->channels_last;
+                       return chosen;
+                     });
   Run run(data, config, compute, group, folder ? &*folder : nullptr, std::move(state), options,
           guard);
   run.Say(ToString(compute));

@@ -148,7 +148,7 @@ ValidationResult Summarise(const std::vector<SampleScore>& scores) {
     for (const auto& [name, value] : score.metrics) values[name].push_back(value);
   }
   for (const auto& [name, of_samples] : values) {
-    if (name == kKeypointRmse) result.posed = static_cast<int>(of_samples.size());
+    if (name == kKeypointRmse) result.samples_with_pose = static_cast<int>(of_samples.size());
     if (name == kTranslationError || name == kRotationError) {
       result.means["median_" + name] = Summarise(of_samples).median;
     } else {

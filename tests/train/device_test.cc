@@ -12,9 +12,9 @@
 #include "core/config/config.h"
 #include "core/nn/cpu/torch_threads.h"
 #include "train/compute.h"
-#include "train/learner.h"
 #include "train/optimizer.h"
 #include "train/step.h"
+#include "train/train_state.h"
 #include "train/training_data.h"
 
 namespace volalign::device_test {
@@ -53,25 +53,25 @@ class Device : public testing::Test {
 
   /// A step for each batch.
   Trained Train(const Compute& compute) const {
-    Learner learner(config_, data_.structure.num_classes(), compute);
-    StartFrom(config_.run.init, data_.structure, &learner);
+    TrainState state(config_, data_.structure.num_classes(), compute);
+    StartFrom(config_.run.init, data_.structure, &state);
     const TrainingLoss loss(config_.loss, data_.structure, compute.device);
     BatchPacker packer(compute.device);
     Trained result;
-    result.start = OnCpu(learner.flat.parameters());
+    result.start = OnCpu(state.flat.parameters());
     std::int64_t samples = 0;
     for (const std::vector<Sample>& drawn : batches_) {
-      const StepNumbers numbers = ComputeGradient(learner, loss, Unpack(packer.Pack(drawn)),
-                                                  compute, samples, config_.run.micro_batch);
+      const StepNumbers numbers = ComputeGradient(state, loss, Unpack(packer.Pack(drawn)), compute,
+                                                  samples, config_.run.micro_batch);
       if (samples == 0) {
         result.loss = ReadSums(numbers.Sums(), loss.names()).loss;
-        result.gradient = OnCpu(learner.flat.gradients());
+        result.gradient = OnCpu(state.flat.gradients());
       }
-      learner.Update(LearningRate(config_.optim, samples, config_.run.samples), numbers.norm,
-                     numbers.finite);
+      state.Update(LearningRate(config_.optim, samples, config_.run.samples), numbers.norm,
+                   numbers.finite);
       samples += static_cast<std::int64_t>(drawn.size());
     }
-    result.weights = OnCpu(learner.flat.parameters());
+    result.weights = OnCpu(state.flat.parameters());
     return result;
   }
 

@@ -56,7 +56,7 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   // centimetres.
   EXPECT_LT(good.terms[1].item<double>(), 0.35);
   EXPECT_GT(blind.terms[1].item<double>(), 3 * good.terms[1].item<double>());
-  EXPECT_EQ(good.degenerate.item<std::int64_t>(), 0);
+  EXPECT_EQ(good.degenerate_samples.item<std::int64_t>(), 0);
 }
 
 TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {

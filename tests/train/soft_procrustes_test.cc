@@ -151,7 +151,7 @@ TEST(SoftProcrustesLoss, AgreesWithAReferencePerSample) {
   }
   const ProcrustesLoss loss = SoftProcrustesLoss(keypoints, targets, visible);
   EXPECT_NEAR(loss.loss.item<double>(), expected, 1e-12);
-  EXPECT_EQ(loss.degenerate.item<std::int64_t>(), 0);
+  EXPECT_EQ(loss.degenerate_samples.item<std::int64_t>(), 0);
   ExpectSameGradient(
       [&](const at::Tensor& x) { return SoftProcrustesLoss(x, targets, visible).loss; }, keypoints,
       "L_3D");
@@ -177,7 +177,8 @@ TEST(SoftProcrustesLoss, DegenerateSamplesAddNothingAndAreCounted) {
   keypoints[3] =
       keypoints[3][0].clone().unsqueeze(0).expand({20, 3});  // all keypoints in one place
   const auto f = [&](const at::Tensor& x) { return SoftProcrustesLoss(x, centres, visible).loss; };
-  EXPECT_EQ(SoftProcrustesLoss(keypoints, centres, visible).degenerate.item<std::int64_t>(), 4);
+  EXPECT_EQ(SoftProcrustesLoss(keypoints, centres, visible).degenerate_samples.item<std::int64_t>(),
+            4);
   const at::Tensor gradient = Gradient(f, keypoints);
   EXPECT_TRUE(at::isfinite(gradient).all().item<bool>());
   EXPECT_EQ(gradient.narrow(0, 0, 4).abs().max().item<double>(), 0);

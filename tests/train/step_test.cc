@@ -16,7 +16,7 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/synthetic_source.h"
 #include "tests/train/watched_memory.h"
-#include "train/learner.h"
+#include "train/train_state.h"
 
 namespace volalign::step_test {
 namespace {
@@ -36,13 +36,13 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
   at::Tensor expected;
   StepReport whole;
   for (const int micro_batch : {0, 1, 2}) {
-    Learner learner(config, data.structure.num_classes(), compute);
-    const StepNumbers numbers = ComputeGradient(learner, loss, batch, compute, 0, micro_batch);
+    TrainState state(config, data.structure.num_classes(), compute);
+    const StepNumbers numbers = ComputeGradient(state, loss, batch, compute, 0, micro_batch);
     const StepReport report = ReadSums(numbers.Sums(), loss.names());
     EXPECT_EQ(report.steps, 1);
     EXPECT_EQ(report.skipped, 0);
     EXPECT_NEAR(numbers.norm.item<double>(), report.gradient_norm, 1e-12);
-    const at::Tensor gradient = learner.flat.gradients().clone();
+    const at::Tensor gradient = state.flat.gradients().clone();
     if (micro_batch == 0) {
       expected = gradient;
       whole = report;
@@ -56,7 +56,7 @@ TEST(ComputeGradient, OfPartsAddsUpToThatOfTheBatch) {
                 1e-5 * whole.terms.at("loss_seg"));
     EXPECT_NEAR(report.terms.at("loss_3d"), whole.terms.at("loss_3d"),
                 1e-5 * whole.terms.at("loss_3d"));
-    EXPECT_EQ(report.degenerate, whole.degenerate);
+    EXPECT_EQ(report.degenerate_samples, whole.degenerate_samples);
   }
 }
 
@@ -73,7 +73,7 @@ TEST(StepNumbers, OfAStepThatIsNotFiniteCountAsNothing) {
   EXPECT_EQ(sum.steps, 4);
   EXPECT_EQ(sum.skipped, 2);
   EXPECT_EQ(sum.loss, 5);
-  EXPECT_EQ(sum.degenerate, 5);
+  EXPECT_EQ(sum.degenerate_samples, 5);
   EXPECT_EQ(sum.gradient_norm, 5);
 }
 
@@ -158,39 +158,40 @@ TrainConfig SmallConfig(std::int64_t seed = 1) {
   return config;
 }
 
-at::Tensor Average(Learner& learner) { return learner.average.net()->parameters()[0].flatten(); }
+at::Tensor Average(TrainState& state) { return state.average.net()->parameters()[0].flatten(); }
 
-TEST(Learner, IsDrawnWithTheRunsSeedAndAveragedFromThereOn) {
+TEST(TrainState, IsDrawnWithTheRunsSeedAndAveragedFromThereOn) {
   const Compute compute;
-  Learner a(SmallConfig(), 3, compute), b(SmallConfig(), 3, compute), c(SmallConfig(2), 3, compute);
+  TrainState a(SmallConfig(), 3, compute), b(SmallConfig(), 3, compute),
+      c(SmallConfig(2), 3, compute);
   EXPECT_TRUE(a.flat.parameters().equal(b.flat.parameters()));
   EXPECT_FALSE(a.flat.parameters().equal(c.flat.parameters()));
   EXPECT_TRUE(Average(a).equal(a.net->parameters()[0].detach().flatten()));
 }
 
-TEST(Learner, AnUpdateStepsTheWeightsAndTheirAverage) {
-  Learner learner(SmallConfig(), 3, Compute());
-  const at::Tensor before = learner.flat.parameters().clone();
-  const double average = Average(learner)[0].item<double>();
-  const double start = learner.net->parameters()[0].flatten()[0].item<double>();
-  learner.flat.gradients().fill_(1);
-  const auto norm = [&] { return learner.optimizer.GradientNorm(); };
-  learner.Update(0.25, norm(), at::full({}, true, at::kBool));
-  EXPECT_LT((learner.flat.parameters() - (before - 0.25)).abs().max().item<double>(), 1e-6);
-  EXPECT_EQ(learner.flat.gradients().abs().max().item<double>(), 0);
-  EXPECT_EQ(learner.optimizer.steps(), 1);
+TEST(TrainState, AnUpdateStepsTheWeightsAndTheirAverage) {
+  TrainState state(SmallConfig(), 3, Compute());
+  const at::Tensor before = state.flat.parameters().clone();
+  const double average = Average(state)[0].item<double>();
+  const double start = state.net->parameters()[0].flatten()[0].item<double>();
+  state.flat.gradients().fill_(1);
+  const auto norm = [&] { return state.optimizer.GradientNorm(); };
+  state.Update(0.25, norm(), at::full({}, true, at::kBool));
+  EXPECT_LT((state.flat.parameters() - (before - 0.25)).abs().max().item<double>(), 1e-6);
+  EXPECT_EQ(state.flat.gradients().abs().max().item<double>(), 0);
+  EXPECT_EQ(state.optimizer.steps(), 1);
   // The decay of the first step is 2 / 11 (train/optimizer.cc).
   EXPECT_EQ(average, start);
-  EXPECT_NEAR(Average(learner)[0].item<double>(), start - 0.25 * 9 / 11, 1e-6);
+  EXPECT_NEAR(Average(state)[0].item<double>(), start - 0.25 * 9 / 11, 1e-6);
 }
 
 /// Weights, moments and average of a step that is to be skipped stay; one that is not is the same
 /// whether the host knows.
-TEST(Learner, SkipsAStepThatIsNotFinite) {
+TEST(TrainState, SkipsAStepThatIsNotFinite) {
   TrainConfig config = SmallConfig();
   config.optim.clip_norm = 1;
-  Learner seen(config, 3, Compute()), unseen(config, 3, Compute());
-  const auto state = [](Learner& l) {
+  TrainState seen(config, 3, Compute()), unseen(config, 3, Compute());
+  const auto state = [](TrainState& l) {
     std::vector<at::Tensor> all = {l.flat.parameters().clone()};
     for (const auto& [name, moment] : l.optimizer.moments()) all.push_back(moment.clone());
     for (const at::Tensor& values : l.average.net()->parameters()) all.push_back(values.clone());
@@ -201,7 +202,7 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
                       [](const at::Tensor& x, const at::Tensor& y) { return x.equal(y); });
   };
   const auto step = [&](float gradient, bool finite) {
-    for (Learner* l : {&seen, &unseen}) {
+    for (TrainState* l : {&seen, &unseen}) {
       l->flat.gradients().fill_(gradient);
       const at::Tensor norm = l->optimizer.GradientNorm(), good = at::full({}, finite, at::kBool);
       if (l == &seen) {
@@ -224,15 +225,15 @@ TEST(Learner, SkipsAStepThatIsNotFinite) {
 }
 
 // A copy of everything would be 0.8 GB at the paper's width.
-TEST(Learner, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
+TEST(TrainState, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
   TrainConfig config = SmallConfig();
   config.model.base_channels = 16;
-  Learner learner(config, 3, Compute());
-  const std::size_t all = learner.flat.parameters().nbytes();
-  const at::Tensor norm = learner.optimizer.GradientNorm(), good = at::full({}, true, at::kBool);
+  TrainState state(config, 3, Compute());
+  const std::size_t all = state.flat.parameters().nbytes();
+  const at::Tensor norm = state.optimizer.GradientNorm(), good = at::full({}, true, at::kBool);
   std::size_t asked = 0;
   const WatchedMemory memory([&](std::size_t bytes) { asked = std::max(asked, bytes); });
-  learner.Step(0.1, norm, good);
+  state.Step(0.1, norm, good);
   EXPECT_GT(asked, 0U);
   EXPECT_LT(asked, all / 2);
 }
@@ -240,7 +241,7 @@ TEST(Learner, CopiesAPieceAtATimeOfWhatItMayTakeBack) {
 class StartFromTest : public testing::Test {
  protected:
   StartFromTest() {
-    Learner trained(SmallConfig(5), structure_.num_classes(), Compute());
+    TrainState trained(SmallConfig(5), structure_.num_classes(), Compute());
     CheckpointMeta meta;
     meta.network = trained.net->options();
     meta.structure = structure_;
@@ -256,23 +257,23 @@ class StartFromTest : public testing::Test {
 };
 
 TEST_F(StartFromTest, TakesOverTheWeightsInTrainingAndInTheAverage) {
-  Learner learner(SmallConfig(), structure_.num_classes(), Compute());
-  EXPECT_EQ(StartFrom(path_, structure_, &learner), 1234);
-  EXPECT_TRUE(learner.flat.parameters().equal(weights_));
-  EXPECT_TRUE(Average(learner).equal(learner.net->parameters()[0].detach().flatten()));
+  TrainState state(SmallConfig(), structure_.num_classes(), Compute());
+  EXPECT_EQ(StartFrom(path_, structure_, &state), 1234);
+  EXPECT_TRUE(state.flat.parameters().equal(weights_));
+  EXPECT_TRUE(Average(state).equal(state.net->parameters()[0].detach().flatten()));
 }
 
 TEST_F(StartFromTest, RefusesAnotherNetworkAndOtherLabels) {
   TrainConfig wider = SmallConfig();
   wider.model.base_channels = 2;
-  Learner other(wider, structure_.num_classes(), Compute());
+  TrainState other(wider, structure_.num_classes(), Compute());
   EXPECT_THROW(StartFrom(path_, structure_, &other), ConfigError);
-  Learner learner(SmallConfig(), structure_.num_classes(), Compute());
-  const at::Tensor before = learner.flat.parameters().clone();
+  TrainState state(SmallConfig(), structure_.num_classes(), Compute());
+  const at::Tensor before = state.flat.parameters().clone();
   const Structure one =
       Structure::FromBoxes("one", {Box::FromMinMax("box", {-0.2, -0.4, -0.2}, {0.2, 0, 0.2})});
-  EXPECT_THROW(StartFrom(path_, one, &learner), DataError);
-  EXPECT_TRUE(learner.flat.parameters().equal(before));
+  EXPECT_THROW(StartFrom(path_, one, &state), DataError);
+  EXPECT_TRUE(state.flat.parameters().equal(before));
 }
 
 }  // namespace

@@ -29,7 +29,7 @@
 #include "tests/train/synthetic_source.h"
 #include "tests/train/watched_memory.h"
 #include "train/compute.h"
-#include "train/state.h"
+#include "train/saved_state.h"
 
 namespace volalign::trainer_test {
 namespace {

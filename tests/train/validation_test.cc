@@ -30,7 +30,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   const ValidationResult v = Validate(net, loss, data.structure, KeypointKind::kCentre, source, 3,
                                       at::kCPU, /*channels_last=*/false);
   EXPECT_EQ(v.samples, 4);  // whole batches
-  EXPECT_EQ(v.posed, 0);
+  EXPECT_EQ(v.samples_with_pose, 0);
   double miou_authors = 0, nll = 0;
   const double log_sum = std::log(std::exp(5.0) + 20);
   const auto again = data.open_validation();
@@ -116,7 +116,7 @@ TEST(RegisterMetric, IsMeasuredInEveryValidation) {
 TEST(MedianPoseError, SaysNothingWithoutAPose) {
   ValidationResult result;
   EXPECT_EQ(MedianPoseError(result), "-");
-  result.posed = 1;
+  result.samples_with_pose = 1;
   result.means = {{"median_translation_error_m", 0.1234}, {"median_rotation_error_deg", 1.5}};
   EXPECT_EQ(MedianPoseError(result), "12.3 cm, 1.50 deg");
 }

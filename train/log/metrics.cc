@@ -13,7 +13,7 @@ double ValidationResult::Mean(const std::string& name) const {
 }
 
 std::string MedianPoseError(const ValidationResult& result) {
-  if (result.posed == 0) return "-";
+  if (result.samples_with_pose == 0) return "-";
   return fmt::format("{:.1f} cm, {:.2f} deg", 100 * result.Mean("median_translation_error_m"),
                      result.Mean("median_rotation_error_deg"));
 }
@@ -44,7 +44,7 @@ void StepMeans::Add(const StepReport& more, std::int64_t more_samples) {
   samples += more_samples;
   sum.steps += more.steps;
   sum.skipped += more.skipped;
-  sum.degenerate += more.degenerate;
+  sum.degenerate_samples += more.degenerate_samples;
   sum.loss += more.loss;
   for (const auto& [name, value] : more.terms) sum.terms[name] += value;
   sum.gradient_norm += more.gradient_norm;

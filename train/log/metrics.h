@@ -35,7 +35,7 @@ struct StepReport {
   std::int64_t skipped = 0;             ///< steps with a loss or gradient that is not finite
   double loss = 0;                      ///< from here to gradient_norm: without skipped steps
   std::map<std::string, double> terms;  ///< of the loss, by their names in logs: loss_seg, ...
-  std::int64_t degenerate = 0;          ///< samples that added nothing to loss_3d
+  std::int64_t degenerate_samples = 0;  ///< samples that added nothing to loss_3d
   double gradient_norm = 0;             ///< before clipping
   StepTimes times;
 };
@@ -61,7 +61,7 @@ struct LabelExample {
 
 struct ValidationResult {
   int samples = 0;
-  int posed = 0;  ///< samples whose predicted keypoints determine a pose
+  int samples_with_pose = 0;  ///< their predicted keypoints determine a pose
   /// Means by name over the samples that have the metric; medians of the errors of poses
   /// (median_translation_error_m, median_rotation_error_deg).
   std::map<std::string, double> means;
@@ -73,7 +73,7 @@ struct ValidationResult {
   double Mean(const std::string& name) const;
 };
 
-/// The medians over posed samples as text: "12.3 cm, 0.45 deg", or "-" without such samples.
+/// The medians over the samples with a pose as text: "12.3 cm, 0.45 deg", or "-" without any.
 std::string MedianPoseError(const ValidationResult& result);
 
 /// Terms and means by their names in files.
@@ -93,7 +93,7 @@ struct TrainRow {
   std::int64_t step = 0, samples = 0;  ///< so far
   double lr = 0;                       ///< of the last step
   double samples_per_s = 0;            ///< over the steps alone, without validation and saving
-  StepReport mean;  ///< except `steps`, `skipped` and `degenerate`, which are sums
+  StepReport mean;  ///< except `steps`, `skipped` and `degenerate_samples`, which are sums
 };
 
 struct ValidationRow {

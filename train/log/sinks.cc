@@ -46,7 +46,7 @@ void JsonlSink::Train(const TrainRow& row) {
             {"step", row.step},
             {"samples", row.samples},
             {"loss", mean.loss},
-            {"degenerate", mean.degenerate},
+            {"degenerate", mean.degenerate_samples},
             {"gradient_norm", mean.gradient_norm},
             {"skipped", mean.skipped},
             {"lr", row.lr},
@@ -62,7 +62,7 @@ void JsonlSink::Validation(const ValidationRow& row) {
             {"step", row.step},
             {"samples", row.samples},
             {"validation_samples", v.samples},
-            {"posed", v.posed}};
+            {"posed", v.samples_with_pose}};
   for (const auto& [name, value] : NamedMeans(v)) j[name] = value;
   Write(j.dump());
 }
@@ -88,10 +88,11 @@ void ProgressSink::Train(const TrainRow& row) {
 void ProgressSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
   miou_ = fmt::format("  mIoU {:.3f}", v.Mean("miou"));
-  Line(fmt::format(
-      "validation at {}: loss_seg {:.4f}  mIoU {:.3f}  posed {}/{}  median pose "
-      "error {}",
-      row.samples, v.Mean("loss_seg"), v.Mean("miou"), v.posed, v.samples, MedianPoseError(v)));
+  Line(
+      fmt::format("validation at {}: loss_seg {:.4f}  mIoU {:.3f}  with a pose {}/{}  median pose "
+                  "error {}",
+                  row.samples, v.Mean("loss_seg"), v.Mean("miou"), v.samples_with_pose, v.samples,
+                  MedianPoseError(v)));
 }
 
 void ProgressSink::Line(const std::string& text) { line_.Say(text); }
@@ -115,7 +116,7 @@ void TensorBoardSink::Train(const TrainRow& row) {
   const StepReport& mean = row.mean;
   std::vector<std::pair<std::string, double>> scalars = {
       {"train/loss", mean.loss},
-      {"train/degenerate", static_cast<double>(mean.degenerate)},
+      {"train/degenerate", static_cast<double>(mean.degenerate_samples)},
       {"train/gradient_norm", mean.gradient_norm},
       {"train/lr", row.lr},
       {"speed/samples_per_s", row.samples_per_s}};
@@ -127,7 +128,7 @@ void TensorBoardSink::Train(const TrainRow& row) {
 
 void TensorBoardSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
-  std::vector<std::pair<std::string, double>> scalars = {{"validation/posed", v.posed}};
+  std::vector<std::pair<std::string, double>> scalars = {{"validation/posed", v.samples_with_pose}};
   for (const auto& [name, value] : NamedMeans(v)) scalars.emplace_back("validation/" + name, value);
   file_.Scalars(row.samples, scalars);
   if (!v.examples.empty()) {

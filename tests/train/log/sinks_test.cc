@@ -35,7 +35,7 @@ TrainRow RowAt(std::int64_t samples) {
   row.samples_per_s = 7;
   row.mean.loss = 0.25;
   row.mean.terms = {{"loss_mine", 1.5}};
-  row.mean.degenerate = 3;
+  row.mean.degenerate_samples = 3;
   row.mean.times.backward = 0.125;
   return row;
 }
@@ -57,7 +57,7 @@ TEST(JsonlSink, WritesARowALine) {
   validation.result.means["miou"] = 0.75;
   sink.Validation(validation);
   validation.result.means["keypoint_rmse_m"] = 0.5;
-  validation.result.posed = 2;
+  validation.result.samples_with_pose = 2;
   sink.Validation(validation);
   const std::vector<json> rows = Rows(folder / "metrics.jsonl");
   ASSERT_EQ(rows.size(), 3u);
@@ -149,13 +149,13 @@ TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
   a.loss = 1;
   a.terms["loss_seg"] = 0.5;
   a.terms["loss_3d"] = 5;
-  a.degenerate = 1;
+  a.degenerate_samples = 1;
   a.gradient_norm = 10;
   a.times = {1, 2, 3, 4, 5};
   b.loss = 3;
   b.terms["loss_seg"] = 1.5;
   b.terms["loss_3d"] = 7;
-  b.degenerate = 2;
+  b.degenerate_samples = 2;
   b.gradient_norm = 30;
   b.times = {2, 3, 4, 5, 1};
   means.Add(a, 4);
@@ -168,7 +168,7 @@ TEST(StepMeans, AreOverTheStepsAndTheirOwnTime) {
   EXPECT_EQ(row.mean.loss, 2);
   EXPECT_EQ(row.mean.terms.at("loss_seg"), 1);
   EXPECT_EQ(row.mean.terms.at("loss_3d"), 6);
-  EXPECT_EQ(row.mean.degenerate, 3);  // a sum
+  EXPECT_EQ(row.mean.degenerate_samples, 3);  // a sum
   EXPECT_EQ(row.mean.gradient_norm, 20);
   ExpectTimes(row.mean.times, {1.5, 2.5, 3.5, 4.5, 3});
   // The next row begins anew.

@@ -13,12 +13,12 @@ namespace volalign {
 
 /// The part of a run that a step changes and a state contains: the network in training, its
 /// optimiser and the average of its weights.
-class Learner {
+class TrainState {
  public:
   /// A new network for the structure's classes, drawn with config.run.seed.
-  Learner(const TrainConfig& config, int num_classes, const Compute& compute);
-  Learner(const Learner&) = delete;
-  Learner& operator=(const Learner&) = delete;
+  TrainState(const TrainConfig& config, int num_classes, const Compute& compute);
+  TrainState(const TrainState&) = delete;
+  TrainState& operator=(const TrainState&) = delete;
 
   /// Clips, steps the optimiser and the average, and zeroes the gradient. If `finite`, a bool
   /// scalar, is false, nothing else changes. Such a step is not counted on the CPU. On other
@@ -36,6 +36,6 @@ class Learner {
 
 /// Copies the weights of the checkpoint `path` (run.init) and returns the number of its training
 /// samples. Throws ConfigError if its network differs, DataError if its labels differ.
-std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner);
+std::int64_t StartFrom(const std::string& path, const Structure& structure, TrainState* state);
 
 }  // namespace volalign

@@ -21,16 +21,16 @@
 #include "tests/core/base/temp_folder.h"
 #include "tests/train/distributed/in_processes.h"
 #include "tests/train/synthetic_source.h"
-#include "train/together.h"
+#include "train/data_parallel.h"
 #include "train/trainer.h"
 
-namespace volalign::together_test {
+namespace volalign::data_parallel_test {
 namespace {
 
 namespace fs = std::filesystem;
 
 /// Rows, states and the image size's changes come at different numbers of samples.
-TrainConfig TogetherConfig(Normalization normalization) {
+TrainConfig SmallConfig(Normalization normalization) {
   // Uncentred depth makes group normalisation ill-conditioned; Adam makes whole steps of rounding
   // errors.
   TrainConfig config = ConfigOf(R"(
@@ -91,11 +91,11 @@ double Difference(const fs::path& a, const fs::path& b) {
 
 constexpr char kLast[] = "states/000000000035.state";
 
-class Together : public testing::TestWithParam<Normalization> {};
+class DataParallel : public testing::TestWithParam<Normalization> {};
 
 // Also with a slice of 1 beside slices of 2 samples, and resumed with another number of processes.
-TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
-  const TrainConfig config = TogetherConfig(GetParam());
+TEST_P(DataParallel, SeveralProcessesTrainAsOneDoes) {
+  const TrainConfig config = SmallConfig(GetParam());
   const TempFolder folder;
   ASSERT_EQ(InProcesses(1, folder.path(),
                         [&](const World& world) { TrainHere(world, config, folder / "one"); }),
@@ -122,11 +122,11 @@ TEST_P(Together, SeveralProcessesTrainAsOneDoes) {
               LoadCheckpoint(folder / "one" / "model.safetensors").meta.focal_px);
   }
 }
-INSTANTIATE_TEST_SUITE_P(Normalization, Together,
+INSTANTIATE_TEST_SUITE_P(Normalization, DataParallel,
                          testing::Values(Normalization::kNone, Normalization::kGroup));
 
-TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
-  const TrainConfig config = TogetherConfig(Normalization::kNone);
+TEST(DataParallelProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
+  const TrainConfig config = SmallConfig(Normalization::kNone);
   const TempFolder folder;
   InProcesses(1, folder.path(),
               [&](const World& world) { TrainHere(world, config, folder / "one"); });
@@ -150,8 +150,8 @@ TEST(TogetherInProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
 }
 
 // One that is there and does not answer: its machine hangs, or the network is cut.
-TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
-  TrainConfig config = TogetherConfig(Normalization::kNone);
+TEST(DataParallelProcesses, ASilentOneIsLostAfterTheTimeLimit) {
+  TrainConfig config = SmallConfig(Normalization::kNone);
   config.run.lost_after_s = 2;
   const TempFolder folder;
   const std::vector<int> statuses = InProcesses(2, folder.path(), [&](const World& world) {
@@ -168,8 +168,8 @@ TEST(TogetherInProcesses, ASilentOneIsLostAfterTheTimeLimit) {
 }
 
 // Adam, the default, keeps more between steps than what rounding makes of a sum.
-TEST(TogetherInProcesses, ResumeAdamExactly) {
-  TrainConfig config = TogetherConfig(Normalization::kNone);
+TEST(DataParallelProcesses, ResumeAdamExactly) {
+  TrainConfig config = SmallConfig(Normalization::kNone);
   const TempFolder folder;
   const auto train = [&](const char* run, std::int64_t stop_at, bool resume) {
     EXPECT_EQ(InProcesses(2, folder.path(),
@@ -184,11 +184,11 @@ TEST(TogetherInProcesses, ResumeAdamExactly) {
   EXPECT_TRUE(ReadFile(folder / "whole" / kLast) == ReadFile(folder / "parts" / kLast));
 }
 
-TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
+TEST(DataParallelProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   const TempFolder folder;
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
-                          TrainConfig config = TogetherConfig(Normalization::kNone);
+                          TrainConfig config = SmallConfig(Normalization::kNone);
                           if (world.rank == 1) config.loss.lambda = 0.3;
                           if (world.rank == 1) config.run.threads = 1;  // may differ
                           TrainHere(world, config, folder / "run");
@@ -199,7 +199,7 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
   // What is wrong with rank 0's folder, every process says.
   EXPECT_EQ(InProcesses(2, folder.path(),
                         [&](const World& world) {
-                          TrainHere(world, TogetherConfig(Normalization::kNone), folder / "none", 0,
+                          TrainHere(world, SmallConfig(Normalization::kNone), folder / "none", 0,
                                     true);
                         }),
             (std::vector<int>{1, 1}));
@@ -209,16 +209,16 @@ TEST(TogetherInProcesses, AgreeOnConfigurationOrSayWhatDiffers) {
 
 TEST(RequireProcesses, RefusesWhatWouldTrainAnotherNetwork) {
   if (!ProcessGroup::IsBuilt()) {
-    ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kNone), 2); },
+    ExpectError<ConfigError>([] { RequireProcesses(SmallConfig(Normalization::kNone), 2); },
                              {"libgloo-dev"});
     return;
   }
-  RequireProcesses(TogetherConfig(Normalization::kNone), 5);
-  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kNone), 6); },
+  RequireProcesses(SmallConfig(Normalization::kNone), 5);
+  ExpectError<ConfigError>([] { RequireProcesses(SmallConfig(Normalization::kNone), 6); },
                            {"run.batch_size = 5", "6 processes"});
-  ExpectError<ConfigError>([] { RequireProcesses(TogetherConfig(Normalization::kBatch), 2); },
+  ExpectError<ConfigError>([] { RequireProcesses(SmallConfig(Normalization::kBatch), 2); },
                            {"model.normalization"});
 }
 
 }  // namespace
-}  // namespace volalign::together_test
+}  // namespace volalign::data_parallel_test

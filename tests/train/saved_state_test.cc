@@ -1,4 +1,4 @@
-#include "train/state.h"
+#include "train/saved_state.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include "core/config/config.h"
 #include "tests/core/base/expect_error.h"
 
-namespace volalign::state_test {
+namespace volalign::saved_state_test {
 namespace {
 
 using Changes = std::vector<std::string>;
@@ -37,7 +37,7 @@ TEST(RunProgress, IsReadFromAndWrittenToTheseKeys) {
   EXPECT_EQ(progress.means.sum.skipped, 1);
   EXPECT_EQ(progress.means.samples, 48);
   EXPECT_EQ(progress.means.sum.terms.at("loss_3d"), 0.25);
-  EXPECT_EQ(progress.means.sum.degenerate, 7);
+  EXPECT_EQ(progress.means.sum.degenerate_samples, 7);
   EXPECT_EQ(progress.means.sum.times.data, 0.5);
   EXPECT_EQ(progress.means.sum.times.optim, 2.5);
   EXPECT_EQ(nlohmann::json::parse(WriteProgress(progress)), nlohmann::json::parse(kProgress));
@@ -138,4 +138,4 @@ TEST(SameValidation, IsThatOfTheSameSamples) {
 }
 
 }  // namespace
-}  // namespace volalign::state_test
+}  // namespace volalign::saved_state_test

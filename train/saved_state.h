@@ -10,10 +10,10 @@
 
 #include "core/geometry/camera.h"
 #include "core/nn/checkpoint.h"
-#include "train/learner.h"
 #include "train/log/metrics.h"
 #include "train/log/run_folder.h"
 #include "train/train_config.h"
+#include "train/train_state.h"
 #include "train/training_data.h"
 
 namespace volalign {
@@ -39,10 +39,10 @@ struct RunProgress {
 std::string WriteProgress(const RunProgress& progress);
 RunProgress ReadProgress(const std::string& text);
 
-/// Writes all that a run needs to continue: `learner`, `progress`, and the identity of the run
+/// Writes all that a run needs to continue: `state`, `progress`, and the identity of the run
 /// (`config` and TrainingData::identity). Throws IoError.
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
-               const std::string& data_identity, const Compute& compute, Learner& learner,
+               const std::string& data_identity, const Compute& compute, TrainState& state,
                const RunProgress& progress);
 
 /// Throws ConfigError if `config` differs from `saved_yaml`, the configuration of the state `path`,
@@ -77,10 +77,10 @@ std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& 
                                     std::vector<std::string>* damaged);
 
 /// Restores weights, average and optimiser. Throws DataError if the state lacks one.
-void Restore(const SavedState& state, Learner* learner);
+void Restore(const SavedState& saved, TrainState* state);
 
 /// Writes the deployable checkpoint (core/nn/checkpoint.h) of the averaged weights. Throws IoError.
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
-               const TrainingData& data, Learner& learner, const RunProgress& progress);
+               const TrainingData& data, TrainState& state, const RunProgress& progress);
 
 }  // namespace volalign

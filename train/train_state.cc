@@ -1,4 +1,4 @@
-#include "train/learner.h"
+#include "train/train_state.h"
 
 #include <ATen/Context.h>
 #include <ATen/TensorOperators.h>
@@ -28,18 +28,18 @@ StructureNet DrawNet(const TrainConfig& config, int num_classes, const Compute& 
 
 }  // namespace
 
-Learner::Learner(const TrainConfig& config, int num_classes, const Compute& compute)
+TrainState::TrainState(const TrainConfig& config, int num_classes, const Compute& compute)
     : net(DrawNet(config, num_classes, compute)),
       flat(*net),
       optimizer(config.optim, &flat),
       average(MakeNet(net->options(), compute), config.optim.ema_decay, flat) {}
 
-void Learner::Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
+void TrainState::Step(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
   optimizer.Step(lr, gradient_norm, finite);
   average.Update(flat, optimizer.steps(), finite);
 }
 
-void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
+void TrainState::Update(double lr, const at::Tensor& gradient_norm, const at::Tensor& finite) {
   if (!finite.is_cpu()) {
     Step(lr, gradient_norm, finite);
   } else if (finite.item<bool>()) {
@@ -50,9 +50,9 @@ void Learner::Update(double lr, const at::Tensor& gradient_norm, const at::Tenso
   }
 }
 
-std::int64_t StartFrom(const std::string& path, const Structure& structure, Learner* learner) {
+std::int64_t StartFrom(const std::string& path, const Structure& structure, TrainState* state) {
   const LoadedModel model = LoadCheckpoint(path);
-  if (!(model.meta.network == learner->net->options())) {
+  if (!(model.meta.network == state->net->options())) {
     throw ConfigError(
         fmt::format("run.init = {}: its network differs from the one that `model` describes; its "
                     "configuration is:\n{}",
@@ -61,8 +61,8 @@ std::int64_t StartFrom(const std::string& path, const Structure& structure, Lear
   CheckStructure(model.meta, structure);
   std::map<std::string, at::Tensor> tensors;
   AddModuleTensors(*model.net, "", &tensors);
-  CopyIntoModule(tensors, "", *learner->net, path);
-  learner->average.Reset(learner->flat);
+  CopyIntoModule(tensors, "", *state->net, path);
+  state->average.Reset(state->flat);
   return model.meta.samples;
 }
 

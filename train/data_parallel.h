@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "train/distributed/process_group.h"
-#include "train/learner.h"
-#include "train/state.h"
+#include "train/saved_state.h"
+#include "train/train_state.h"
 #include "train/validation.h"
 
 namespace volalign {
@@ -24,16 +24,16 @@ struct SharedRun {
 /// `own.compute` with the type and layout of rank 0, which `lead` derives there from its own.
 /// Throws exceptions of `lead`. Throws ConfigError if another process has another configuration
 /// (except for keys of the machine) or other samples.
-Compute Agree(ProcessGroup& group, const SharedRun& own,
-              const std::function<Compute(Compute)>& lead);
+Compute AgreeOnCompute(ProcessGroup& group, const SharedRun& own,
+                       const std::function<Compute(Compute)>& lead);
 
 /// Copies the weights and progress of rank 0 to all processes.
-void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress);
+void BroadcastState(ProcessGroup& group, TrainState* state, RunProgress* progress);
 
 /// Gives all processes the cameras that any of them has seen.
 void ReduceSeenIntrinsics(ProcessGroup& group, RunProgress* progress);
 
 /// The validation of all samples, from each process's slice of each batch.
-ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size);
+ValidationResult MergeValidation(ProcessGroup& group, const ValidationResult& own, int batch_size);
 
 }  // namespace volalign

@@ -1,4 +1,4 @@
-#include "train/together.h"
+#include "train/data_parallel.h"
 
 #include <c10/core/GradMode.h>
 #include <fmt/format.h>
@@ -73,8 +73,8 @@ void RequireProcesses(const TrainConfig& config, int count) {
       count));
 }
 
-Compute Agree(ProcessGroup& group, const SharedRun& own,
-              const std::function<Compute(Compute)>& lead) {
+Compute AgreeOnCompute(ProcessGroup& group, const SharedRun& own,
+                       const std::function<Compute(Compute)>& lead) {
   const std::string said = group.BroadcastFromRankZero([&] {
     const Compute chosen = lead(own.compute);
     return json{{"config", own.config},
@@ -92,15 +92,15 @@ Compute Agree(ProcessGroup& group, const SharedRun& own,
   return compute;
 }
 
-void ShareState(ProcessGroup& group, Learner* learner, RunProgress* progress) {
+void BroadcastState(ProcessGroup& group, TrainState* state, RunProgress* progress) {
   if (group.size() == 1) return;
   c10::NoGradGuard no_grad;
   *progress = ReadProgress(group.BroadcastFromRankZero([&] { return WriteProgress(*progress); }));
-  learner->optimizer.set_steps(std::stoll(
-      group.BroadcastFromRankZero([&] { return std::to_string(learner->optimizer.steps()); })));
-  Broadcast(group, *learner->net);
-  Broadcast(group, *learner->average.net());
-  for (const auto& [name, moment] : learner->optimizer.moments()) group.Broadcast(moment);
+  state->optimizer.set_steps(std::stoll(
+      group.BroadcastFromRankZero([&] { return std::to_string(state->optimizer.steps()); })));
+  Broadcast(group, *state->net);
+  Broadcast(group, *state->average.net());
+  for (const auto& [name, moment] : state->optimizer.moments()) group.Broadcast(moment);
 }
 
 void ReduceSeenIntrinsics(ProcessGroup& group, RunProgress* progress) {
@@ -117,7 +117,7 @@ void ReduceSeenIntrinsics(ProcessGroup& group, RunProgress* progress) {
   progress->focal_px = focal_px;
 }
 
-ValidationResult ShareValidation(ProcessGroup& group, const ValidationResult& own, int batch_size) {
+ValidationResult MergeValidation(ProcessGroup& group, const ValidationResult& own, int batch_size) {
   if (group.size() == 1) return own;
   std::vector<json> slices;
   std::map<std::string, double> sums;

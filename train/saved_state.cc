@@ -1,4 +1,4 @@
-#include "train/state.h"
+#include "train/saved_state.h"
 
 #include <fmt/format.h>
 
@@ -28,7 +28,7 @@ void Describe(Archive& ar, StepMeans& means) {
   ar("loss", sum.loss);
   ar("loss_seg", sum.terms["loss_seg"]);
   ar("loss_3d", sum.terms["loss_3d"]);
-  ar("degenerate", sum.degenerate);
+  ar("degenerate", sum.degenerate_samples);
   ar("gradient_norm", sum.gradient_norm);
   Eigen::Matrix<double, 5, 1> times;
   times << t.data, t.forward, t.loss, t.backward, t.optim;
@@ -107,22 +107,22 @@ RunProgress ReadProgress(const std::string& text) {
 }
 
 void SaveState(const std::filesystem::path& path, const TrainConfig& config,
-               const std::string& data_identity, const Compute& compute, Learner& learner,
+               const std::string& data_identity, const Compute& compute, TrainState& state,
                const RunProgress& progress) {
   const StateMeta meta{progress,
-                       learner.optimizer.steps(),
+                       state.optimizer.steps(),
                        data_identity,
                        compute.type == at::kBFloat16,
                        compute.channels_last,
                        WriteConfig(config)};
-  learner.average.Refresh(learner.flat);
-  TensorFile state{kStateFormat, WriteDescribed(meta, path.string(), 1), {}};
-  AddModuleTensors(*learner.net, "model/", &state.tensors);
-  AddModuleTensors(*learner.average.net(), "average/", &state.tensors);
-  for (const auto& [name, moment] : learner.optimizer.moments()) {
-    learner.flat.AddViews(moment, MomentPrefix(name), &state.tensors);
+  state.average.Refresh(state.flat);
+  TensorFile file{kStateFormat, WriteDescribed(meta, path.string(), 1), {}};
+  AddModuleTensors(*state.net, "model/", &file.tensors);
+  AddModuleTensors(*state.average.net(), "average/", &file.tensors);
+  for (const auto& [name, moment] : state.optimizer.moments()) {
+    state.flat.AddViews(moment, MomentPrefix(name), &file.tensors);
   }
-  WriteTensorFile(path, state);
+  WriteTensorFile(path, file);
 }
 
 void RequireSameRun(const std::string& saved_yaml, const TrainConfig& config,
@@ -185,24 +185,24 @@ std::optional<SavedState> FindState(const RunFolder& folder, const TrainConfig& 
   return std::nullopt;
 }
 
-void Restore(const SavedState& state, Learner* learner) {
-  const std::string name = state.path.string();
-  const std::map<std::string, at::Tensor>& tensors = state.file.tensors;
-  CopyIntoModule(tensors, "model/", *learner->net, name);
-  CopyIntoModule(tensors, "average/", *learner->average.net(), name);
-  for (const auto& [moment, values] : learner->optimizer.moments()) {
+void Restore(const SavedState& saved, TrainState* state) {
+  const std::string name = saved.path.string();
+  const std::map<std::string, at::Tensor>& tensors = saved.file.tensors;
+  CopyIntoModule(tensors, "model/", *state->net, name);
+  CopyIntoModule(tensors, "average/", *state->average.net(), name);
+  for (const auto& [moment, values] : state->optimizer.moments()) {
     std::map<std::string, at::Tensor> views;
-    learner->flat.AddViews(values, MomentPrefix(moment), &views);
+    state->flat.AddViews(values, MomentPrefix(moment), &views);
     CopyTensors(tensors, MomentPrefix(moment), views, name);
   }
-  learner->optimizer.set_steps(state.steps);
+  state->optimizer.set_steps(saved.steps);
 }
 
 void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
-               const TrainingData& data, Learner& learner, const RunProgress& progress) {
-  learner.average.Refresh(learner.flat);
+               const TrainingData& data, TrainState& state, const RunProgress& progress) {
+  state.average.Refresh(state.flat);
   CheckpointMeta meta;
-  meta.network = learner.average.net()->options();
+  meta.network = state.average.net()->options();
   meta.structure = data.structure;
   meta.intrinsics = data.intrinsics;
   meta.renderer = data.drawn_by;
@@ -211,7 +211,7 @@ void SaveModel(const std::filesystem::path& path, const TrainConfig& config,
   meta.roll_offsets_deg = config.data.pose.roll_offsets_deg;
   meta.samples = progress.init_samples + progress.samples;
   meta.config_yaml = WriteConfig(config);
-  SaveCheckpoint(path, learner.average.net(), meta, /*half=*/true);
+  SaveCheckpoint(path, state.average.net(), meta, /*half=*/true);
 }
 
 }  // namespace volalign
