@@ -54,8 +54,7 @@ int RunConvert(const ConvertOptions& options) {
     throw ConfigError(
         "--poses-for raw needs an extrinsics.json: other files do not say where the structure is");
   }
-  if (world.origin == "floor") world.floor_m = ReadFloor(options.input, from);
-  world.world = ReadWorld(options.input, from);
+  ReadWorld(options.input, from, &world);
   std::vector<std::string> notes;
   if (is_folder) {
     const ResultFolder folder(options.output);

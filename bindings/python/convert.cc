@@ -94,8 +94,7 @@ std::vector<std::string> Convert(const py::object& source, const std::string& fo
     if (choice.raw && from != kVolalignPoses)
       throw ConfigError("poses_for = 'raw' needs a Result or an extrinsics.json");
     poses = ReadPoses(PathOf(source), from, cameras);
-    if (origin == "floor") choice.floor_m = ReadFloor(PathOf(source), from);
-    choice.world = ReadWorld(PathOf(source), from);
+    ReadWorld(PathOf(source), from, &choice);
   }
   return Write(PathOf(output), to, std::move(poses), cameras, choice);
 }

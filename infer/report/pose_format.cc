@@ -322,12 +322,11 @@ std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, const std::
   return poses;
 }
 
-std::optional<double> ReadFloor(const std::filesystem::path& path, const std::string& format) {
-  return format == kVolalignPoses ? ReadExtrinsics(path).structure.floor_m : std::nullopt;
-}
-
-std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, const std::string& format) {
-  return format == kVolalignPoses ? ReadExtrinsics(path).world : std::nullopt;
+void ReadWorld(const std::filesystem::path& path, const std::string& format, WorldChoice* choice) {
+  if (format != kVolalignPoses) return;
+  const Extrinsics extrinsics = ReadExtrinsics(path);
+  choice->floor_m = extrinsics.structure.floor_m;
+  choice->world = extrinsics.world;
 }
 
 std::vector<std::string> WritePoses(const std::filesystem::path& path, const std::string& format,

@@ -58,12 +58,9 @@ std::vector<SensorPose> PosesOf(const Extrinsics& extrinsics);
 std::vector<SensorPose> ReadPoses(const std::filesystem::path& path, const std::string& format,
                                   const ColourCameras& colour = {});
 
-/// The floor's height in the structure frame, m; none if the file does not have it. Throws as
-/// ReadPoses.
-std::optional<double> ReadFloor(const std::filesystem::path& path, const std::string& format);
-
-/// The world that `calibrate --world` stored, if any. Throws as ReadPoses.
-std::optional<WorldFrame> ReadWorld(const std::filesystem::path& path, const std::string& format);
+/// Takes the floor's height and the world of `calibrate --world` from an extrinsics.json that has
+/// them. Other formats have neither. Throws as ReadPoses.
+void ReadWorld(const std::filesystem::path& path, const std::string& format, WorldChoice* choice);
 
 /// Writes atomically, over existing files. Returns a sentence for everything that the format has no
 /// place for, and one on the depth corrections, each with its cost in millimetres. Throws IoError.
