@@ -26,7 +26,6 @@
 #include "infer/evaluate/suite/methods.h"
 #include "infer/evaluate/suite/run_suite.h"
 #include "infer/evaluate/suite/suite_config.h"
-#include "render/egl/renderers.h"
 
 namespace volalign {
 
@@ -36,8 +35,7 @@ struct EvaluateOptions {
   std::string output, config, seeds, compare;
   std::vector<std::string> models, captures, assignments;
   RigSeries rigs;
-  std::string renderer = ToString(RendererKind::kEgl);
-  int egl_device = -1;
+  RendererOptions renderer;
   std::string suite, suite_config = "configs/paper/suite.yaml";
   int workers = 1, max_captures = 0;
   TableOutput table;
@@ -95,12 +93,7 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
   app->add_flag("--keep-yaw", options->rigs.keep_yaw,
                 "leave the structure as the rig turns it; else each seed turns it by the golden "
                 "angle more");
-  app->add_option("--renderer", options->renderer,
-                  "egl, cpu or auto; see data.renderer (docs/config.md)")
-      ->check(CLI::IsMember(WordsOfAll<RendererKind>()))
-      ->capture_default_str();
-  app->add_option("--egl-device", options->egl_device,
-                  "EGL device to use. Without it: the first that works, or software");
+  options->renderer.AddTo(app);
   AddSuiteOptions(app, options);
   options->table.AddOptions(app);
   // A suite writes all of its tables into suite.json.
@@ -109,12 +102,6 @@ void AddEvaluateOptions(CLI::App* app, EvaluateOptions* options) {
                   "folder for evaluation.json, of which what a killed run left is not done again, "
                   "or for the suite's tables")
       ->required();
-}
-
-Renderers ChosenRenderers(const EvaluateOptions& options) {
-  RendererKind renderer{};
-  FromWord(options.renderer, &renderer);
-  return ChooseRenderers(renderer, {options.egl_device});
 }
 
 EvaluateRun RunOf(const EvaluateOptions& options, ProgressLine* line) {
@@ -163,7 +150,7 @@ int RunPaperSuite(const EvaluateOptions& options) {
   SuiteRun run;
   run.output = options.output;
   run.workers = options.workers;
-  run.make_renderer = [&options] { return ChosenRenderers(options).make(); };
+  run.make_renderer = [&options] { return options.renderer.Choose().make(); };
   run.max_captures = options.max_captures;
   ProgressLine line;
   run.progress = [&line](const std::string& text) { line.Say(text); };
@@ -205,7 +192,7 @@ int RunEvaluate(const EvaluateOptions& options) {
   std::unique_ptr<DepthRenderer> renderer;
   std::vector<EvaluationItem> items;
   if (!rigs.empty()) {
-    const Renderers chosen = ChosenRenderers(options);
+    const Renderers chosen = options.renderer.Choose();
     fmt::print(stderr, "renderer: {}\n", chosen.description);
     renderer = chosen.make();
     items = RigItems(rigs, series, renderer.get());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/config/config.h"
+#include "render/egl/renderers.h"
 
 namespace volalign {
 
@@ -40,5 +41,25 @@ inline void AddSettings(CLI::App* app, std::vector<std::string>* assignments,
   add("threads", "INT", threads);
   add("device", "TEXT", "cpu, cuda or cuda:N");
 }
+
+/// --renderer and --egl-device.
+struct RendererOptions {
+  std::string renderer;
+  int egl_device = -1;
+
+  void AddTo(CLI::App* app) {
+    app->add_option("--renderer", renderer,
+                    "egl, cpu or auto; see data.renderer (docs/config.md). Without it: that of the "
+                    "recipe, and egl for a rig")
+        ->check(CLI::IsMember(WordsOfAll<RendererKind>()));
+    app->add_option("--egl-device", egl_device,
+                    "EGL device to use. Without it: the first that works, or software");
+  }
+  /// `kind` unless --renderer names another one.
+  Renderers Choose(RendererKind kind = RendererKind::kEgl) const {
+    FromWord(renderer, &kind);
+    return ChooseRenderers(kind, {egl_device});
+  }
+};
 
 }  // namespace volalign

@@ -22,7 +22,6 @@
 #include "core/base/progress_line.h"
 #include "render/capture_writer.h"
 #include "render/dataset.h"
-#include "render/egl/renderers.h"
 #include "render/rig.h"
 #include "render/sample.h"
 #include "train/compute.h"
@@ -41,8 +40,7 @@ struct RenderOptions {
   std::uint64_t count = 24;
   int threads = 0;
   bool force = false;
-  std::string renderer;
-  int egl_device = -1;
+  RendererOptions renderer;
   TableOutput table;
 };
 
@@ -67,12 +65,7 @@ void AddOptions(RenderOptions* options, CLI::App* app) {
       ->check(CLI::Range(0, 1024))
       ->excludes(rig);
   app->add_flag("--force", options->force, "replace the capture that the folder has")->needs(rig);
-  app->add_option("--renderer", options->renderer,
-                  "egl, cpu or auto; see data.renderer (docs/config.md). Without it: that of the "
-                  "recipe, and egl for a rig")
-      ->check(CLI::IsMember(WordsOfAll<RendererKind>()));
-  app->add_option("--egl-device", options->egl_device,
-                  "EGL device to use. Without it: the first that works, or software");
+  options->renderer.AddTo(app);
   options->table.AddOptions(app);
   for (const char* format : {"--json", "--csv"}) app->get_option(format)->needs(rig);
 }
@@ -183,9 +176,8 @@ int RunRender(const RenderOptions& options) {
   KeepFreedMemory();
   const ConfigSource source =
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
-  const auto choose = [&](RendererKind renderer) {
-    FromWord(options.renderer, &renderer);
-    Renderers chosen = ChooseRenderers(renderer, {options.egl_device});
+  const auto choose = [&](RendererKind kind) {
+    Renderers chosen = options.renderer.Choose(kind);
     options.table.Say("renderer: " + chosen.description);
     return chosen;
   };
