@@ -62,10 +62,8 @@ void Broadcast(ProcessGroup& group, const torch::nn::Module& module) {
 }  // namespace
 
 void RequireProcesses(const TrainConfig& config, int count) {
-  World world;
-  world.size = count;
-  SliceOf(config.run.batch_size, world);
-  if (!ProcessGroup::IsBuilt()) ProcessGroup().Connect(world, at::kCPU, 0);
+  SliceOf(config.run.batch_size, 0, count);
+  if (!ProcessGroup::IsBuilt()) ProcessGroup().Connect(World(), at::kCPU, 0);
   if (config.model.normalization != Normalization::kBatch) return;
   throw ConfigError(fmt::format(
       "model.normalization = batch in {} processes would normalise with the statistics of each "
@@ -131,13 +129,9 @@ ValidationResult MergeValidation(ProcessGroup& group, const ValidationResult& ow
   std::vector<std::size_t> taken(slices.size(), 0);
   while (taken[0] < slices[0].size()) {
     for (int rank = 0; rank < group.size(); ++rank) {
-      World world;
-      world.size = group.size();
-      world.rank = rank;
       const auto r = static_cast<std::size_t>(rank);
-      for (int i = SliceOf(batch_size, world).count; i > 0; --i) {
+      for (int i = SliceOf(batch_size, rank, group.size()).count; i > 0; --i)
         scores.push_back(ScoreOf(slices[r].at(taken[r]++)));
-      }
     }
   }
   ValidationResult result = Summarise(scores);

@@ -336,11 +336,8 @@ class Run {
   /// Of so many validation samples, those of this process.
   int OwnShare(int samples) const {
     if (group_.size() == 1) return samples;
-    World world;
-    world.rank = group_.rank();
-    world.size = group_.size();
     const int batch = config_.run.batch_size;
-    return (samples + batch - 1) / batch * SliceOf(batch, world).count;
+    return (samples + batch - 1) / batch * SliceOf(batch, group_.rank(), group_.size()).count;
   }
 
   void Save() {
@@ -413,8 +410,9 @@ std::optional<SavedState> ReadState(const RunFolder& folder, const TrainingData&
 }  // namespace
 
 TrainResult Train(const TrainConfig& config, const TrainOptions& options) {
+  const World& world = options.world;
   const BatchSlice slice =
-      options.world.size > 1 ? SliceOf(config.run.batch_size, options.world) : BatchSlice();
+      world.size > 1 ? SliceOf(config.run.batch_size, world.rank, world.size) : BatchSlice();
   const TrainingData data = OpenTrainingData(config, slice);
   TrainConfig drawn = config;
   drawn.data.renderer = data.renderer;

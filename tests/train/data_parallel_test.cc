@@ -48,7 +48,7 @@ void TrainHere(const World& world, const TrainConfig& config, const fs::path& ru
                const std::function<void(std::int64_t)>& at_sample = {}) {
   TrainOptions options = QuietRun(run_dir, stop, resume);
   options.world = world;
-  const BatchSlice slice = world.size > 1 ? SliceOf(5, world) : BatchSlice();
+  const BatchSlice slice = world.size > 1 ? SliceOf(5, world.rank, world.size) : BatchSlice();
   TrainingData data = SyntheticData(5, 32, 1u << 20, slice);
   if (at_sample) {
     data.open_training = WatchedSource(

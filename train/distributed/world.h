@@ -1,7 +1,5 @@
 #pragma once
 
-#include <functional>
-#include <optional>
 #include <string>
 
 #include "core/base/batch_slice.h"
@@ -19,10 +17,6 @@ struct World {
   int port = 0;         ///< on which rank 0 listens
 };
 
-/// Looks up an environment variable.
-using Environment = std::function<std::optional<std::string>(const std::string& name)>;
-std::optional<std::string> ProcessEnvironment(const std::string& name);
-
 inline constexpr char kStoreVariable[] = "VOLALIGN_STORE";
 
 /// Reads torchrun's variables RANK, WORLD_SIZE, LOCAL_RANK, MASTER_ADDR and MASTER_PORT; a single
@@ -30,10 +24,10 @@ inline constexpr char kStoreVariable[] = "VOLALIGN_STORE";
 /// processes take the next port. VOLALIGN_PORT names another one. Processes of LaunchProcesses have
 /// VOLALIGN_STORE instead of an address and a port. Throws ConfigError for a variable that is
 /// missing or no number in its range.
-World ReadWorld(const Environment& environment = ProcessEnvironment);
+World ReadWorld();
 
-/// The samples of each batch for one process. Throws ConfigError if there are more processes than
-/// samples.
-BatchSlice SliceOf(int batch_size, const World& world);
+/// The samples of each batch for the process `rank` of `size`. Throws ConfigError if there are more
+/// processes than samples.
+BatchSlice SliceOf(int batch_size, int rank, int size);
 
 }  // namespace volalign

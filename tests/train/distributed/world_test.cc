@@ -7,8 +7,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
-#include <map>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -26,40 +26,41 @@ namespace volalign::world_test {
 namespace {
 
 TEST(ReadWorld, ReadsTheVariablesOfTorchrun) {
-  std::map<std::string, std::string> set;
-  const Environment environment = [&](const std::string& name) -> std::optional<std::string> {
-    const auto found = set.find(name);
-    if (found == set.end()) return std::nullopt;
-    return found->second;
+  const auto clear = [] {
+    for (const char* name : {"WORLD_SIZE", "RANK", "LOCAL_RANK", "MASTER_ADDR", "MASTER_PORT",
+                             "TORCHELASTIC_RUN_ID", "VOLALIGN_PORT", "VOLALIGN_STORE"})
+      ::unsetenv(name);
   };
-  EXPECT_EQ(ReadWorld(environment).size, 1);
-  set = {{"WORLD_SIZE", "4"}, {"RANK", "3"}, {"LOCAL_RANK", "1"}, {"MASTER_ADDR", "node0"}};
-  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"MASTER_PORT"});
-  set["MASTER_PORT"] = "29500";
-  World world = ReadWorld(environment);
+  clear();
+  EXPECT_EQ(ReadWorld().size, 1);
+  ::setenv("WORLD_SIZE", "4", 1);
+  ::setenv("RANK", "3", 1);
+  ::setenv("LOCAL_RANK", "1", 1);
+  ::setenv("MASTER_ADDR", "node0", 1);
+  ExpectError<ConfigError>([] { ReadWorld(); }, {"MASTER_PORT"});
+  ::setenv("MASTER_PORT", "29500", 1);
+  const World world = ReadWorld();
   EXPECT_EQ(world.rank, 3);
   EXPECT_EQ(world.size, 4);
   EXPECT_EQ(world.local_rank, 1);
   EXPECT_EQ(world.address, "node0");
   EXPECT_EQ(world.port, 29500);
-  set["TORCHELASTIC_RUN_ID"] = "none";  // torchrun's agent listens on 29500
-  EXPECT_EQ(ReadWorld(environment).port, 29501);
-  set["VOLALIGN_PORT"] = "1234";
-  EXPECT_EQ(ReadWorld(environment).port, 1234);
-  set["VOLALIGN_STORE"] = "/tmp/store";
-  EXPECT_EQ(ReadWorld(environment).store, "/tmp/store");
-  set["RANK"] = "4";
-  ExpectError<ConfigError>([&] { ReadWorld(environment); }, {"RANK = '4'", "0 to 3"});
+  ::setenv("TORCHELASTIC_RUN_ID", "none", 1);  // torchrun's agent listens on 29500
+  EXPECT_EQ(ReadWorld().port, 29501);
+  ::setenv("VOLALIGN_PORT", "1234", 1);
+  EXPECT_EQ(ReadWorld().port, 1234);
+  ::setenv("VOLALIGN_STORE", "/tmp/store", 1);
+  EXPECT_EQ(ReadWorld().store, "/tmp/store");
+  ::setenv("RANK", "4", 1);
+  ExpectError<ConfigError>([] { ReadWorld(); }, {"RANK = '4'", "0 to 3"});
+  clear();
 }
 
 TEST(SliceOf, CoversEachBatchOnce) {
   for (const int size : {1, 2, 3, 4, 7}) {
     int next = 0;
     for (int rank = 0; rank < size; ++rank) {
-      World world;
-      world.rank = rank;
-      world.size = size;
-      const BatchSlice slice = SliceOf(7, world);
+      const BatchSlice slice = SliceOf(7, rank, size);
       EXPECT_EQ(slice.first, next);
       EXPECT_GE(slice.count, 7 / size);
       EXPECT_LE(slice.count, (7 + size - 1) / size);
@@ -67,9 +68,7 @@ TEST(SliceOf, CoversEachBatchOnce) {
     }
     EXPECT_EQ(next, 7);
   }
-  World crowd;
-  crowd.size = 8;
-  ExpectError<ConfigError>([&] { SliceOf(7, crowd); }, {"run.batch_size = 7", "8 processes"});
+  ExpectError<ConfigError>([] { SliceOf(7, 0, 8); }, {"run.batch_size = 7", "8 processes"});
 }
 
 World At(const std::string& address) {
