@@ -3,15 +3,13 @@
 #include <ATen/core/Tensor.h>
 
 #include <functional>
-#include <memory>
 #include <string>
-#include <vector>
 
 #include "core/geometry/structure.h"
 
 namespace volalign {
 
-/// The input of a term of the loss.
+/// The input of the loss.
 struct LossInput {
   const at::Tensor& log_probs;  ///< [B,K,H,W] float32, differentiable
   const at::Tensor& depth;      ///< [B,1,H,W] float32, m, 0 without depth
@@ -19,23 +17,16 @@ struct LossInput {
   const at::Tensor& rays;       ///< [B,2,H,W] float32, x / z and y / z of each pixel
 };
 
-/// A term that a program adds to the loss.
-class LossTerm {
- public:
-  virtual ~LossTerm() = default;
-  /// Mean over the batch's samples: a differentiable scalar on the device of `input`.
-  virtual at::Tensor operator()(const LossInput& input) const = 0;
-};
+/// A term that a program adds to the loss. Mean over the batch's samples: a differentiable scalar
+/// on the device of the input.
+using LossTerm = std::function<at::Tensor(const LossInput&)>;
 
+/// Makes the term of a run, which trains on `device`.
 using LossTermFactory =
-    std::function<std::unique_ptr<LossTerm>(const Structure& structure, const at::Device& device)>;
+    std::function<LossTerm(const Structure& structure, const at::Device& device)>;
 
 /// Makes `name` a value of loss.terms, with the name loss_NAME in logs. To be called at the start
 /// of a program, before other threads run. Throws Error if the term exists.
 void RegisterLossTerm(const std::string& name, LossTermFactory factory);
-
-/// Throws ConfigError for a name that is not registered.
-std::unique_ptr<LossTerm> MakeLossTerm(const std::string& name, const Structure& structure,
-                                       const at::Device& device);
 
 }  // namespace volalign

@@ -29,18 +29,6 @@ void RegisterLossTerm(const std::string& name, LossTermFactory factory) {
     throw Error(fmt::format("there is a loss term '{}' already", name));
 }
 
-std::unique_ptr<LossTerm> MakeLossTerm(const std::string& name, const Structure& structure,
-                                       const at::Device& device) {
-  const auto found = Registered().find(name);
-  if (found == Registered().end() || !found->second) {
-    throw ConfigError(
-        fmt::format("loss.terms: '{}' is unknown: volalign has none of its own; a program "
-                    "registers them (train/loss_term.h)",
-                    name));
-  }
-  return found->second(structure, device);
-}
-
 at::Tensor SegmentationLoss(const at::Tensor& log_probs, const at::Tensor& labels) {
   if (log_probs.dim() != 4 || labels.dim() != 3 || labels.size(0) != log_probs.size(0) ||
       labels.size(1) != log_probs.size(2) || labels.size(2) != log_probs.size(3) ||
@@ -68,41 +56,42 @@ TrainingLoss::TrainingLoss(const LossConfig& config, const Structure& structure,
       num_classes_(structure.num_classes()),
       targets_(StructureKeypoints(structure, config.keypoints)) {
   for (const std::string& name : config.terms) {
-    terms_.push_back(MakeLossTerm(name, structure, device));
+    const auto found = Registered().find(name);
+    if (found == Registered().end() || !found->second) {
+      throw ConfigError(
+          fmt::format("loss.terms: '{}' is unknown: volalign has none of its own; a program "
+                      "registers them (train/loss_term.h)",
+                      name));
+    }
+    terms_.push_back(found->second(structure, device));
     names_.push_back("loss_" + name);
   }
 }
 
-LossTerms TrainingLoss::operator()(const at::Tensor& log_probs, const at::Tensor& depth,
-                                   const at::Tensor& labels, const at::Tensor& rays,
-                                   std::int64_t samples, double share) const {
-  LossTerms terms = PaperLoss(log_probs, depth, labels, rays, samples, share);
-  for (std::size_t i = 0; i < terms_.size(); ++i) {
-    terms.terms.push_back((*terms_[i])({log_probs, depth, labels, rays}));
-    terms.total = terms.total + share * config_.term_weights[i] * terms.terms.back();
-  }
-  return terms;
-}
-
-LossTerms TrainingLoss::PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
-                                  const at::Tensor& labels, const at::Tensor& rays,
-                                  std::int64_t samples, double share) const {
+LossTerms TrainingLoss::operator()(const LossInput& part, std::int64_t samples,
+                                   double share) const {
+  const auto& [log_probs, depth, labels, rays] = part;
   const at::Tensor segmentation = SegmentationLoss(log_probs, labels);
-  if (!config_.procrustes) {
-    return {share * segmentation,
-            at::zeros({}, labels.options()),
-            {segmentation, at::zeros({}, log_probs.options().requires_grad(false))}};
+  LossTerms loss{share * segmentation,
+                 at::zeros({}, labels.options()),
+                 {segmentation, at::zeros({}, log_probs.options().requires_grad(false))}};
+  if (config_.procrustes) {
+    const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, rays)),
+                     visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
+    const ProcrustesLoss pose = SoftProcrustesLoss(keypoints, targets_, visible);
+    const double ramp = config_.lambda_warmup_samples == 0
+                            ? 1.0
+                            : std::min(1.0, static_cast<double>(samples) /
+                                                static_cast<double>(config_.lambda_warmup_samples));
+    loss = {loss.total + share * config_.lambda * ramp * pose.loss,
+            pose.degenerate_samples,
+            {segmentation, pose.loss}};
   }
-  const at::Tensor keypoints = SoftKeypoints(log_probs, Deproject(depth, rays)),
-                   visible = VisibleSides(labels, depth, num_classes_, config_.min_side_pixels);
-  const ProcrustesLoss loss = SoftProcrustesLoss(keypoints, targets_, visible);
-  const double ramp = config_.lambda_warmup_samples == 0
-                          ? 1.0
-                          : std::min(1.0, static_cast<double>(samples) /
-                                              static_cast<double>(config_.lambda_warmup_samples));
-  return {share * segmentation + share * config_.lambda * ramp * loss.loss,
-          loss.degenerate_samples,
-          {segmentation, loss.loss}};
+  for (std::size_t i = 0; i < terms_.size(); ++i) {
+    loss.terms.push_back(terms_[i](part));
+    loss.total = loss.total + share * config_.term_weights[i] * loss.terms.back();
+  }
+  return loss;
 }
 
 }  // namespace volalign

@@ -34,24 +34,16 @@ class TrainingLoss {
   const std::vector<std::string>& names() const { return names_; }
 
   /// The loss of a part of a batch. `total` is weighted with the part's `share` of the samples, so
-  /// that the totals of all parts add up to the batch's. The terms are the part's own. Shapes:
-  /// log_probs [B,K,H,W] float32, depth [B,1,H,W] m, labels [B,H,W] int64, rays [B,2,H,W]. The
-  /// number of `samples` so far gives lambda, which rises linearly from 0 over
-  /// lambda_warmup_samples.
-  LossTerms operator()(const at::Tensor& log_probs, const at::Tensor& depth,
-                       const at::Tensor& labels, const at::Tensor& rays, std::int64_t samples,
-                       double share = 1) const;
+  /// that the totals of all parts add up to the batch's. The terms are the part's own. The number
+  /// of `samples` so far gives lambda, which rises linearly from 0 over lambda_warmup_samples.
+  LossTerms operator()(const LossInput& part, std::int64_t samples, double share = 1) const;
 
  private:
-  LossTerms PaperLoss(const at::Tensor& log_probs, const at::Tensor& depth,
-                      const at::Tensor& labels, const at::Tensor& rays, std::int64_t samples,
-                      double share) const;
-
   LossConfig config_;
   int num_classes_;
   at::Tensor targets_;  // [K-1,3], on the CPU
   std::vector<std::string> names_{"loss_seg", "loss_3d"};
-  std::vector<std::unique_ptr<LossTerm>> terms_;
+  std::vector<LossTerm> terms_;
 };
 
 }  // namespace volalign

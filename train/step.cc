@@ -32,7 +32,7 @@ at::Tensor AddGradient(TrainState& state, const TrainingLoss& loss, const Batch&
   const at::Tensor log_probs =
       state.net->forward(EncodeFor(compute, part.depth, state.net->options().input));  // [B,K,H,W]
   const auto forward = now();
-  const LossTerms terms = loss(log_probs, part.depth, part.labels, part.rays, samples, share);
+  const LossTerms terms = loss({log_probs, part.depth, part.labels, part.rays}, samples, share);
   const auto compared = now();
   terms.total.backward();
   if (times != nullptr) {

@@ -93,7 +93,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     at::Tensor input = EncodeDepth(batch.depth, net->options().input);
     if (channels_last) input = input.contiguous(at::MemoryFormat::ChannelsLast);
     const at::Tensor log_probs = net->forward(input);
-    const LossTerms terms = loss(log_probs, batch.depth, batch.labels, batch.rays,
+    const LossTerms terms = loss({log_probs, batch.depth, batch.labels, batch.rays},
                                  std::numeric_limits<std::int64_t>::max());
     for (std::size_t i = 0; i < terms.terms.size(); ++i) {
       sums[loss.names()[i]] += static_cast<double>(drawn.size()) * terms.terms[i].item<double>();

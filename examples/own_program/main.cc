@@ -8,6 +8,7 @@
 #include <torch/nn/modules/conv.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,21 +25,14 @@ namespace {
 
 /// The soft Dice loss of Milletari et al., "V-Net" (3DV 2016): 1 - 2 |P T| / (|P| + |T|), the mean
 /// over the sides.
-class DiceTerm : public volalign::LossTerm {
- public:
-  explicit DiceTerm(int num_classes) : num_classes_(num_classes) {}
-
-  at::Tensor operator()(const volalign::LossInput& input) const override {
-    const at::Tensor truth = at::one_hot(input.labels, num_classes_).permute({0, 3, 1, 2});
-    const at::Tensor found = input.log_probs.exp();  // [B,K,H,W]
-    const at::Tensor both = (found * truth).sum({2, 3}).narrow(1, 1, num_classes_ - 1);
-    const at::Tensor each = (found + truth).sum({2, 3}).narrow(1, 1, num_classes_ - 1);
-    return 1 - (2 * both / each.clamp_min(1e-6)).mean();
-  }
-
- private:
-  int num_classes_;
-};
+at::Tensor DiceLoss(const volalign::LossInput& input) {
+  const std::int64_t classes = input.log_probs.size(1);
+  const at::Tensor truth = at::one_hot(input.labels, classes).permute({0, 3, 1, 2});
+  const at::Tensor found = input.log_probs.exp();  // [B,K,H,W]
+  const at::Tensor both = (found * truth).sum({2, 3}).narrow(1, 1, classes - 1);
+  const at::Tensor each = (found + truth).sum({2, 3}).narrow(1, 1, classes - 1);
+  return 1 - (2 * both / each.clamp_min(1e-6)).mean();
+}
 
 /// Four dilated convolutions of one width.
 class DilatedNet : public volalign::StructureNetImpl {
@@ -108,9 +102,8 @@ volalign::NoisyView QuadraticNoise(const volalign::NoiseInput& input,
 }  // namespace
 
 int main(int argc, char** argv) {
-  volalign::RegisterLossTerm("dice", [](const volalign::Structure& structure, const at::Device&) {
-    return std::make_unique<DiceTerm>(structure.num_classes());
-  });
+  volalign::RegisterLossTerm(
+      "dice", [](const volalign::Structure&, const at::Device&) { return DiceLoss; });
   volalign::RegisterNetwork("dilated", [](const volalign::StructureNetOptions& options) {
     return std::make_shared<DilatedNet>(options);
   });

@@ -49,9 +49,10 @@ TEST(TrainingLoss, PerfectSegmentationOfARenderedViewHasASmallPoseTerm) {
   config.keypoints = KeypointKind::kExposed;
   config.min_side_pixels = 20;
   const TrainingLoss loss(config, data.structure, at::kCPU);
-  const LossTerms good = loss(at::log_softmax(logits, 1), batch.depth, batch.labels, batch.rays, 1);
-  const LossTerms blind = loss(at::log_softmax(at::randn({4, 21, 64, 64}), 1), batch.depth,
-                               batch.labels, batch.rays, 1);
+  const LossTerms good =
+      loss({at::log_softmax(logits, 1), batch.depth, batch.labels, batch.rays}, 1);
+  const LossTerms blind = loss(
+      {at::log_softmax(at::randn({4, 21, 64, 64}), 1), batch.depth, batch.labels, batch.rays}, 1);
   // Occlusion and the unweighted pixel mean keep soft keypoints off the exposed centroids by
   // centimetres.
   EXPECT_LT(good.terms[1].item<double>(), 0.35);
@@ -70,25 +71,21 @@ TEST(TrainingLoss, LambdaRisesOverTheWarmUp) {
   const std::vector<std::pair<int, double>> expected = {
       {0, 0.0}, {250, 0.125}, {1000, 0.5}, {9999, 0.5}};
   for (const auto& [samples, lambda] : expected) {
-    const LossTerms t = loss(log_probs, batch.depth, batch.labels, batch.rays, samples);
+    const LossTerms t = loss({log_probs, batch.depth, batch.labels, batch.rays}, samples);
     EXPECT_NEAR(t.total.item<double>(),
                 t.terms[0].item<double>() + lambda * t.terms[1].item<double>(), 1e-6);
     EXPECT_GT(t.terms[1].item<double>(), 0);
   }
   config.procrustes = false;
   const LossTerms off = TrainingLoss(config, data.structure, at::kCPU)(
-      log_probs, batch.depth, batch.labels, batch.rays, 9999);
+      {log_probs, batch.depth, batch.labels, batch.rays}, 9999);
   EXPECT_EQ(off.total.item<double>(), off.terms[0].item<double>());
   EXPECT_EQ(off.terms[1].item<double>(), 0);
 }
 
-/// The mean probability of the background.
-class BackgroundTerm : public LossTerm {
- public:
-  at::Tensor operator()(const LossInput& input) const override {
-    return input.log_probs.select(1, 0).exp().mean();
-  }
-};
+at::Tensor MeanBackground(const LossInput& input) {
+  return input.log_probs.select(1, 0).exp().mean();
+}
 
 TEST(TrainingLoss, AddsRegisteredTerms) {
   const TrainingData data = SyntheticData(2, 32, 1000);
@@ -103,11 +100,11 @@ TEST(TrainingLoss, AddsRegisteredTerms) {
   RegisterLossTerm("background", [](const Structure& of, const at::Device& device) {
     EXPECT_EQ(of.num_classes(), 21);
     EXPECT_EQ(device, at::Device(at::kCPU));
-    return std::make_unique<BackgroundTerm>();
+    return MeanBackground;
   });
   EXPECT_THROW(RegisterLossTerm("background", nullptr), Error);
   const TrainingLoss loss(config, data.structure, at::kCPU);
-  const LossTerms whole = loss(log_probs, batch.depth, batch.labels, batch.rays, 0);
+  const LossTerms whole = loss({log_probs, batch.depth, batch.labels, batch.rays}, 0);
   const double background = log_probs.select(1, 0).exp().mean().item<double>();
   EXPECT_NEAR(whole.total.item<double>(), whole.terms[0].item<double>() + 0.25 * background, 1e-6);
   EXPECT_EQ(loss.names(), (std::vector<std::string>{"loss_seg", "loss_3d", "loss_background"}));
@@ -118,7 +115,7 @@ TEST(TrainingLoss, AddsRegisteredTerms) {
   double parts = 0;
   for (std::int64_t i = 0; i < 2; ++i) {
     const Batch part = batch.Narrow(i, 1);
-    parts += loss(log_probs.narrow(0, i, 1), part.depth, part.labels, part.rays, 0, 0.5)
+    parts += loss({log_probs.narrow(0, i, 1), part.depth, part.labels, part.rays}, 0, 0.5)
                  .total.item<double>();
   }
   EXPECT_NEAR(parts, whole.total.item<double>(), 1e-6);
@@ -184,7 +181,7 @@ HardBatch DrawHardBatch(std::int64_t samples, std::int64_t classes, std::int64_t
 bool FiniteLoss(const TrainingLoss& loss, const HardBatch& hard) {
   const at::Tensor logits = hard.logits.clone().requires_grad_(true);
   const LossTerms terms =
-      loss(at::log_softmax(logits, 1), hard.batch.depth, hard.batch.labels, hard.batch.rays, 1);
+      loss({at::log_softmax(logits, 1), hard.batch.depth, hard.batch.labels, hard.batch.rays}, 1);
   const at::Tensor gradient = torch::autograd::grad({terms.total}, {logits})[0];
   return at::isfinite(terms.total).logical_and(at::isfinite(gradient).all()).item<bool>();
 }
