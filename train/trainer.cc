@@ -252,9 +252,6 @@ class Run {
     pending_.times.optim += times.optim;
     pending_.samples += samples;
     if (compute_.device.is_cpu()) FlushStepMeans();
-    timed_samples_ += samples;
-    timed_s_ += Total(times);
-    PrintTimeEstimate();
   }
 
   /// Adds all steps to progress_.means. Waits for the device.
@@ -264,20 +261,6 @@ class Run {
     report.times = ShareOut(pending_.times, pending_.measured);
     progress_.means.Add(report, pending_.samples);
     pending_ = {};
-  }
-
-  /// Writes the expected duration of the run, once, when enough steps have been timed.
-  void PrintTimeEstimate() {
-    constexpr std::int64_t kTimed = 100;  // samples: some steps, of which the first is slower
-    constexpr double kDay = 24 * 3600;    // configs/paper/lite.yaml needs less on a CPU
-    if (foretold_ || timed_samples_ < kTimed) return;
-    foretold_ = true;
-    const double left = static_cast<double>(config_.run.samples - progress_.samples) * timed_s_ /
-                        static_cast<double>(timed_samples_);
-    if (left <= 0) return;
-    const bool too_long = compute_.device.is_cpu() && left > kDay;
-    Say(fmt::format("about {} at this speed{}", RoundDuration(left),
-                    too_long ? "; configs/paper/lite.yaml suits a CPU" : ""));
   }
 
   void WriteTrainRow() {
@@ -372,10 +355,7 @@ class Run {
     StepTimes times, measured;
     std::int64_t samples = 0;
   } pending_;
-  Clock::time_point ended_;         ///< end of the last step, with validation and saving
-  std::int64_t timed_samples_ = 0;  ///< number of samples in the steps of this call,
-  double timed_s_ = 0;              ///< and their time
-  bool foretold_ = false;
+  Clock::time_point ended_;     ///< end of the last step, with validation and saving
   int signal_ = 0;              ///< the signal that interrupted the run
   std::int64_t saved_ = -1;     ///< samples of the newest state
   std::int64_t modelled_ = -1;  ///< samples of the model.safetensors that this process wrote

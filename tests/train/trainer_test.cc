@@ -78,32 +78,6 @@ class Trainer : public testing::Test {
   TrainingData data_ = SyntheticData(2, 32, 1u << 20);
 };
 
-TEST_F(Trainer, SaysHowLongTheRunWillTake) {
-  const auto said = [&](std::int64_t samples) {
-    config_.run.samples = samples;
-    config_.run.log_every = 100;
-    TrainOptions options = QuietRun(folder_ / std::to_string(samples), 120);
-    options.quiet = false;
-    testing::internal::CaptureStderr();
-    TrainOn(data_, config_, options);
-    return testing::internal::GetCapturedStderr();
-  };
-  constexpr std::int64_t kMany = 10'000'000'000;
-  const std::string far = said(kMany);
-  const std::size_t at = far.find(" days at this speed; configs/paper/lite.yaml suits a CPU\n");
-  ASSERT_NE(at, std::string::npos) << far;
-  const std::size_t about = far.rfind("about ", at) + 6;
-  // The first row is of the same hundred samples.
-  const double rate = MetricsRows(folder_ / std::to_string(kMany), "train")[0].at("samples_per_s");
-  const double days = static_cast<double>(kMany - 100) / rate / (24 * 3600);
-  EXPECT_NEAR(std::stod(far.substr(about, at - about)), days, 1 + 1e-3 * days);
-  EXPECT_EQ(far.find("at this speed", at + 10), std::string::npos) << "said twice";
-
-  const std::string soon = said(1000);
-  EXPECT_TRUE(Has(soon, " at this speed\n"));
-  EXPECT_FALSE(Has(soon, "lite.yaml"));
-}
-
 TEST_F(Trainer, AResumedRunEndsAsOneThatWasNotStopped) {
   config_.run.samples = 24;
   config_.optim.warmup_samples = 4;
