@@ -184,19 +184,32 @@ class Libraries(InAPrefix):
         folder, _ = self.configure(source, without=[])
         self.build(folder)
         run = lambda command, *statuses: self.run_in_work(os.path.join(folder, "own_program"), *command.split(), statuses=statuses or (0,))
+        of_work = lambda *names: text_of(os.path.join(self.work, *names))
+
+        def has_its_parts(folder, optimizer="lion"):
+            for word in ('kind: "dilated"', 'models: ["paper", "quadratic"]', 'terms: ["dice"]', f'optimizer: "{optimizer}"'):
+                self.assertIn(word, of_work(folder, "config.yaml"))
+            rows = [json.loads(row) for row in of_work(folder, "metrics.jsonl").splitlines()]
+            self.assertTrue(all(row["loss_dice"] > 0 for row in rows))
+            self.assertTrue(all(0 < row["accuracy"] < 1 for row in rows if row["type"] == "validation"))
+            self.assertEqual({row["type"] for row in rows}, {"train", "validation"})
+
         run(f"train --config {source}/recipe.yaml -o run --set run.samples=32")
-        recipe = text_of(os.path.join(self.work, "run", "config.yaml"))
-        for word in ('kind: "dilated"', 'models: ["paper", "quadratic"]', 'terms: ["dice"]', 'optimizer: "lion"'):
-            self.assertIn(word, recipe)
         run(f"train --config {source}/recipe.yaml -o run --resume")
-        rows = [json.loads(row) for row in text_of(os.path.join(self.work, "run", "metrics.jsonl")).splitlines()]
-        self.assertTrue(all(row["loss_dice"] > 0 for row in rows))
-        self.assertTrue(all(0 < row["accuracy"] < 1 for row in rows if row["type"] == "validation"))
+        has_its_parts("run")
+        with open(os.path.join(self.work, "sweep.yaml"), "w", encoding="utf-8") as file:
+            file.write(f"recipes: [{source}/recipe.yaml]\nset: {{optim.optimizer: [lion, adamw]}}\n")
+        run("train --sweep sweep.yaml --set run.samples=16 -o sweep")
+        for optimizer in ("lion", "adamw"):
+            has_its_parts(os.path.join("sweep", f"recipe_optim.optimizer={optimizer}"), optimizer)
         self.assertIn("64", run("validate --model run/model.safetensors --samples 8"))
-        run("render --rig configs/rig_ring4.yaml -o own")
+        run("evaluate --rig configs/rig_ring4.yaml --set-rig noise=[paper,quadratic] --model run/model.safetensors -o evaluation")
+        self.assertIn('noise: ["paper", "quadratic"]', of_work("evaluation", "rigs", "rig_ring4.yaml"))
+        self.assertIn("run/model.safetensors", of_work("evaluation", "evaluation.json"))
+        run("render --rig configs/rig_ring4.yaml --set noise=quadratic -o own")
         # So short a training need not place every sensor.
         run("calibrate --capture own/capture.json --model run/model.safetensors --no-report -o result", 0, 2)
-        self.assertIn("run/model.safetensors", text_of(os.path.join(self.work, "result", "extrinsics.json")))
+        self.assertIn("run/model.safetensors", of_work("result", "extrinsics.json"))
         self.assertIn("a network of kind 'dilated' cannot be exported", run("export --model run/model.safetensors --format onnx -o net.onnx", 1))
 
     def test_headers_need_no_flag_and_nothing_that_is_not_installed(self):
