@@ -89,7 +89,7 @@ std::vector<Group> GroupsOf(const std::vector<SampleScore>& scores) {
 
 nlohmann::ordered_json ToJson(const ValidationResult& r) {
   nlohmann::ordered_json j = {{"samples", r.samples}, {"posed", r.samples_with_pose}};
-  for (const auto& [name, mean] : NamedMeans(r)) j[name] = mean;
+  for (const auto& [name, mean] : r.means) j[name] = mean;
   return j;
 }
 

@@ -48,7 +48,7 @@ std::string Pack(const ValidationResult& own) {
     scores.push_back(json::array({s.sensor, s.rho_m, s.metrics}));
   }
   const auto bytes =
-      json::to_cbor({{"terms", own.terms}, {"samples", own.samples}, {"scores", scores}});
+      json::to_cbor({{"means", own.means}, {"samples", own.samples}, {"scores", scores}});
   return {bytes.begin(), bytes.end()};
 }
 
@@ -121,8 +121,8 @@ ValidationResult MergeValidation(ProcessGroup& group, const ValidationResult& ow
   std::map<std::string, double> sums;
   for (const std::string& bytes : group.Gather(Pack(own))) {
     const json slice = json::from_cbor(bytes);
-    for (const auto& term : slice.at("terms").items())
-      sums[term.key()] += term.value().get<double>() * slice.at("samples").get<double>();
+    for (const auto& mean : slice.at("means").items())
+      sums[mean.key()] += mean.value().get<double>() * slice.at("samples").get<double>();
     slices.push_back(slice.at("scores"));
   }
   std::vector<SampleScore> scores;
@@ -135,7 +135,8 @@ ValidationResult MergeValidation(ProcessGroup& group, const ValidationResult& ow
     }
   }
   ValidationResult result = Summarise(scores);
-  for (const auto& [name, sum] : sums) result.terms[name] = sum / result.samples;
+  // The scores have all but the terms of the loss.
+  for (const auto& [name, sum] : sums) result.means.emplace(name, sum / result.samples);
   result.scores = std::move(scores);
   result.examples = own.examples;
   return result;

@@ -3,7 +3,6 @@
 #include <ATen/core/Tensor.h>
 
 #include <functional>
-#include <map>
 #include <string>
 
 #include "core/base/image.h"
@@ -21,11 +20,9 @@ struct MetricInput {
 /// A number that says how good an output is. NaN: the sample has none.
 using Metric = std::function<double(const MetricInput&)>;
 
-/// Measures `name` in every validation; logs have its mean over the samples that have one. To be
-/// called at the start of a program, before other threads run. Throws Error if the name exists.
+/// Measures `name` in every validation, beside miou and miou_authors (core/geometry/metrics.h);
+/// logs have its mean over the samples that have one. To be called at the start of a program,
+/// before other threads run. Throws Error if the name exists.
 void RegisterMetric(const std::string& name, Metric metric);
-
-/// miou and miou_authors (core/geometry/metrics.h), and the registered ones.
-const std::map<std::string, Metric>& Metrics();
 
 }  // namespace volalign

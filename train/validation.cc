@@ -50,8 +50,6 @@ void RegisterMetric(const std::string& name, Metric metric) {
     throw Error(fmt::format("there is a metric '{}' already", name));
 }
 
-const std::map<std::string, Metric>& Metrics() { return Registered(); }
-
 SideKeypoints FindKeypoints(const Sample& sample, const LabelImage& labels,
                             const Structure& structure, KeypointKind kind) {
   const std::size_t classes = static_cast<std::size_t>(structure.num_classes());
@@ -113,7 +111,7 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
       score.rho_m = std::hypot(at.x(), at.z());
       score.metrics["loss_seg"] = nll[static_cast<std::int64_t>(i)].item<double>();
       const at::Tensor own_log_probs = log_probs[static_cast<std::int64_t>(i)];
-      for (const auto& [name, metric] : Metrics()) {
+      for (const auto& [name, metric] : Registered()) {
         const double value = metric({s.depth, s.labels, labels, own_log_probs});
         if (!std::isnan(value)) score.metrics[name] = value;
       }
@@ -133,8 +131,8 @@ ValidationResult Validate(StructureNet& net, const TrainingLoss& loss, const Str
     }
   }
   ValidationResult result = Summarise(scores);
-  sums.erase("loss_seg");  // the scores have it, in double
-  for (const auto& [name, sum] : sums) result.terms[name] = sum / result.samples;
+  // The scores have loss_seg, in double.
+  for (const auto& [name, sum] : sums) result.means.emplace(name, sum / result.samples);
   result.scores = std::move(scores);
   result.examples = std::move(examples);
   return result;

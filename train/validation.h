@@ -14,7 +14,8 @@ namespace volalign {
 
 inline constexpr int kLabelExamples = 4;
 
-/// Means and medians over some samples. `terms`, which belong to batches, and `scores` stay empty.
+/// Means and medians over some samples. The terms of the loss belong to batches and are left out;
+/// `scores` stay empty.
 ValidationResult Summarise(const std::vector<SampleScore>& scores);
 
 /// Keypoints of the sides that `labels` has in a sample's depth map, in two frames, m.

@@ -58,7 +58,7 @@ TEST(Validate, ScoresABackgroundOnlyNetworkByHand) {
   }
   EXPECT_NEAR(v.Mean("miou_authors"), miou_authors, 1e-9);
   EXPECT_NEAR(v.Mean("loss_seg"), nll, 1e-5);
-  EXPECT_EQ(v.terms.count("loss_3d"), 1U);
+  EXPECT_EQ(v.means.count("loss_3d"), 1U);
 }
 
 // As the paper and the Procrustes term take them: no pixel weighs more for being far away.
@@ -109,7 +109,6 @@ TEST(RegisterMetric, IsMeasuredInEveryValidation) {
                KeypointKind::kCentre, data.open_validation(), 2, at::kCPU, false);
   EXPECT_EQ(asked, 2);
   EXPECT_EQ(v.Mean("missed"), 0.25);
-  EXPECT_EQ(NamedMeans(v).at("missed"), 0.25);
   EXPECT_EQ(v.scores.at(1).metrics.count("missed"), 0u);
 }
 

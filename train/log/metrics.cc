@@ -18,12 +18,6 @@ std::string MedianPoseError(const ValidationResult& result) {
                      result.Mean("median_rotation_error_deg"));
 }
 
-std::map<std::string, double> NamedMeans(const ValidationResult& result) {
-  std::map<std::string, double> all = result.means;
-  all.insert(result.terms.begin(), result.terms.end());
-  return all;
-}
-
 bool BestValidation::Note(const ValidationResult& result, std::int64_t at_samples) {
   const double miou = result.Mean("miou");
   if (!std::isfinite(miou) || (samples >= 0 && miou <= value)) return false;

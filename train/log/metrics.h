@@ -62,12 +62,11 @@ struct LabelExample {
 struct ValidationResult {
   int samples = 0;
   int samples_with_pose = 0;  ///< their predicted keypoints determine a pose
-  /// Means by name over the samples that have the metric; medians of the errors of poses
-  /// (median_translation_error_m, median_rotation_error_deg).
+  /// By their names in files. Means over the samples that have the metric, and of the terms of the
+  /// loss. Medians of the errors of poses (median_translation_error_m, median_rotation_error_deg).
   std::map<std::string, double> means;
-  std::map<std::string, double> terms;  ///< means of the terms of the loss, but loss_seg
-  std::vector<SampleScore> scores;      ///< of each sample, in order
-  std::vector<LabelExample> examples;   ///< the first samples
+  std::vector<SampleScore> scores;     ///< of each sample, in order
+  std::vector<LabelExample> examples;  ///< the first samples
 
   /// 0 if no sample has the metric.
   double Mean(const std::string& name) const;
@@ -75,9 +74,6 @@ struct ValidationResult {
 
 /// The medians over the samples with a pose as text: "12.3 cm, 0.45 deg", or "-" without any.
 std::string MedianPoseError(const ValidationResult& result);
-
-/// Terms and means by their names in files.
-std::map<std::string, double> NamedMeans(const ValidationResult& result);
 
 /// The best of the validations so far, by miou.
 struct BestValidation {

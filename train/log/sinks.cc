@@ -63,7 +63,7 @@ void JsonlSink::Validation(const ValidationRow& row) {
             {"samples", row.samples},
             {"validation_samples", v.samples},
             {"posed", v.samples_with_pose}};
-  for (const auto& [name, value] : NamedMeans(v)) j[name] = value;
+  for (const auto& [name, value] : v.means) j[name] = value;
   Write(j.dump());
 }
 
@@ -129,7 +129,7 @@ void TensorBoardSink::Train(const TrainRow& row) {
 void TensorBoardSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
   std::vector<std::pair<std::string, double>> scalars = {{"validation/posed", v.samples_with_pose}};
-  for (const auto& [name, value] : NamedMeans(v)) scalars.emplace_back("validation/" + name, value);
+  for (const auto& [name, value] : v.means) scalars.emplace_back("validation/" + name, value);
   file_.Scalars(row.samples, scalars);
   if (!v.examples.empty()) {
     file_.Picture(row.samples, "validation/depth, labels, predicted", LabelPictures(v.examples));
