@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "core/base/error.h"
 #include "core/nn/cpu/torch_threads.h"
@@ -35,46 +36,40 @@ void StepAdam(bool decoupled, OptimizerStep& step) {
   step.weights.addcdiv_(mean, denominator, -step.lr / correction1);
 }
 
-struct NamedRule {
-  std::string name;
+struct Rule {
   std::vector<std::string> moments;
   OptimizerRule step;
 };
 
-std::vector<NamedRule>& Rules() {
+std::map<std::string, Rule>& Rules() {
   const std::vector<std::string> moments = {"mean", "square"};
-  static std::vector<NamedRule> rules = {
-      {"adam", moments, [](OptimizerStep& step) { StepAdam(false, step); }},
-      {"adamw", moments, [](OptimizerStep& step) { StepAdam(true, step); }}};
+  static std::map<std::string, Rule> rules = {
+      {"adam", {moments, [](OptimizerStep& step) { StepAdam(false, step); }}},
+      {"adamw", {moments, [](OptimizerStep& step) { StepAdam(true, step); }}}};
   return rules;
-}
-
-const NamedRule* FindRule(const std::string& name) {
-  const auto found = std::find_if(Rules().begin(), Rules().end(),
-                                  [&](const NamedRule& rule) { return rule.name == name; });
-  return found == Rules().end() ? nullptr : &*found;
 }
 
 }  // namespace
 
 void RegisterOptimizer(const std::string& name, std::vector<std::string> moments,
                        OptimizerRule rule) {
-  if (FindRule(name)) throw Error(fmt::format("there is an optimizer '{}' already", name));
-  Rules().push_back({name, std::move(moments), std::move(rule)});
+  if (!Rules().insert({name, {std::move(moments), std::move(rule)}}).second)
+    throw Error(fmt::format("there is an optimizer '{}' already", name));
 }
 
 std::vector<std::string> OptimizerNames() {
   std::vector<std::string> names;
-  for (const NamedRule& rule : Rules()) names.push_back(rule.name);
+  for (const auto& [name, rule] : Rules()) names.push_back(name);
   return names;
 }
 
 Optimizer::Optimizer(const OptimConfig& config, FlatModule* module)
     : config_(config), module_(module) {
-  const NamedRule* rule = FindRule(config.optimizer);
-  if (!rule) throw ConfigError(fmt::format("there is no optimizer '{}'", config.optimizer));
-  rule_ = rule->step;
-  for (const std::string& name : rule->moments)
+  const auto rule = Rules().find(config.optimizer);
+  if (rule == Rules().end())
+    throw ConfigError(fmt::format("there is no optimizer '{}'", config.optimizer));
+  rule_ = rule->second.step;
+  for (const std::string& name : rule->second.moments)
     moments_.emplace_back(name, at::zeros_like(module->parameters()));
 }
 

@@ -28,7 +28,7 @@ using OptimizerRule = std::function<void(OptimizerStep& step)>;
 void RegisterOptimizer(const std::string& name, std::vector<std::string> moments,
                        OptimizerRule rule);
 
-/// "adam", "adamw", then the registered ones.
+/// "adam", "adamw" and the registered ones.
 std::vector<std::string> OptimizerNames();
 
 }  // namespace volalign

@@ -237,21 +237,15 @@ class Run {
       pending_.measured = times;
       pending_.measured.optim = Seconds(updating);
     }
-    times = StepTimes{times.data};
-    times.optim = Seconds(start);
-    progress_.samples += samples;
-    AccumulateStep(numbers, times, samples);
-    return true;
-  }
-
-  /// `times`: the time of data, and all other time in optim.
-  void AccumulateStep(const StepNumbers& numbers, const StepTimes& times, std::int64_t samples) {
+    // All time but that of data counts as the optimiser's until FlushStepMeans shares it out.
+    pending_.times.data += times.data;
+    pending_.times.optim += Seconds(start);
     const at::Tensor sums = numbers.Sums();
     pending_.sums = pending_.sums.defined() ? pending_.sums + sums : sums;
-    pending_.times.data += times.data;
-    pending_.times.optim += times.optim;
     pending_.samples += samples;
+    progress_.samples += samples;
     if (compute_.device.is_cpu()) FlushStepMeans();
+    return true;
   }
 
   /// Adds all steps to progress_.means. Waits for the device.
