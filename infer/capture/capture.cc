@@ -162,7 +162,7 @@ double ParseDepthScale(const ObjectReader& object, const RecordedDepth& recorded
 
 /// A file's name, volalign's own keys, or one of the other forms of infer/formats.
 Intrinsics ParseSensorIntrinsics(const ObjectReader& object, const std::filesystem::path& folder,
-                                 const RecordedDepth& recorded, const FrameSize& size) {
+                                 const RecordedDepth& recorded, const ImageSize& size) {
   if (!object.Has("intrinsics")) {
     if (recorded.intrinsics) return *recorded.intrinsics;
     if (!recorded.intrinsics_problem.empty()) {

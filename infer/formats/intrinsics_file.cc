@@ -4,11 +4,10 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <initializer_list>
-#include <locale>
 #include <map>
-#include <optional>
 #include <sstream>
 #include <string_view>
 #include <vector>
@@ -21,17 +20,33 @@
 #include "core/config/bounded_yaml.h"
 #include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
+#include "infer/formats/poses/codecs.h"
 
 namespace volalign::formats_internal {
 
-constexpr char kBlanks[] = " \t\r\n\v\f";
-
-namespace {
-
-/// Coefficients in OpenCV's order: more than eight only if the rest is 0.
-std::vector<double> Distortion(std::vector<double> numbers, const std::string& name) {
+std::vector<double> NamedLens(const std::string& model, std::vector<double> numbers,
+                              const std::string& name) {
+  const auto is_zero = [](double x) { return x == 0; };
+  std::string word = Lower(model);
+  std::replace_if(
+      word.begin(), word.end(), [](char c) { return c == '-' || c == ' '; }, '_');
+  const auto known = {"",
+                      "plumb_bob",
+                      "rational_polynomial",
+                      "brown_conrady",
+                      "distortion.brown_conrady",
+                      "rs2_distortion_brown_conrady"};
+  if (std::find(known.begin(), known.end(), word) == known.end()) {
+    // Without coefficients every model is a rectified image; RealSense prints five zeros.
+    if (std::all_of(numbers.begin(), numbers.end(), is_zero))
+      return std::vector<double>(numbers.empty() ? 0 : 5, 0.0);
+    throw DataError(fmt::format(
+        "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown "
+        "Conrady); rectify the frames, or calibrate with one of these",
+        name, Shortened(model)));
+  }
   if (numbers.size() > 8) {
-    if (std::any_of(numbers.begin() + 8, numbers.end(), [](double x) { return x != 0; })) {
+    if (!std::all_of(numbers.begin() + 8, numbers.end(), is_zero)) {
       throw DataError(fmt::format(
           "{}: {} distortion coefficients, of which those after the eighth (thin prism, tilt) are "
           "not 0; calibrate with at most eight",
@@ -42,185 +57,15 @@ std::vector<double> Distortion(std::vector<double> numbers, const std::string& n
   return numbers;
 }
 
-}  // namespace
-
-std::vector<double> NamedLens(const std::string& model, const std::vector<double>& numbers,
-                              const std::string& name) {
-  const bool is_zero = std::all_of(numbers.begin(), numbers.end(), [](double x) { return x == 0; });
-  std::string word = Lower(model);
-  std::replace_if(
-      word.begin(), word.end(), [](char c) { return c == '-' || c == ' '; }, '_');
-  for (const char* known : {"plumb_bob", "rational_polynomial", "brown_conrady",
-                            "distortion.brown_conrady", "rs2_distortion_brown_conrady"}) {
-    if (word == known || word.empty()) return Distortion(numbers, name);
-  }
-  // Without coefficients every model is a rectified image; RealSense prints five zeros.
-  if (is_zero) return std::vector<double>(numbers.empty() ? 0 : 5, 0.0);
-  throw DataError(fmt::format(
-      "{}: the lens model \"{}\" is not OpenCV's (plumb_bob, rational_polynomial, Brown Conrady); "
-      "rectify the frames, or calibrate with one of these",
-      name, Shortened(model)));
-}
-
-namespace {
-
-constexpr std::size_t kLongestPrint = 1000;
-
-/// The numbers up to the first other word.
-std::vector<double> NumbersOfText(const std::string& text) {
-  std::vector<double> numbers;
-  std::istringstream words(text);
-  for (std::string word; words >> word;) {
-    const std::optional<double> number = NumberOf(word);
-    if (!number) break;
-    numbers.push_back(*number);
-  }
-  return numbers;
-}
-
-std::string WithoutBlanksAround(const std::string& text) {
-  const std::size_t begin = text.find_first_not_of(kBlanks);
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(kBlanks) + 1 - begin);
-}
-
-/// The text after `key` up to the end of its line.
-std::string After(const std::string& block, const std::string& key, const std::string& name) {
-  for (const std::string& line : Split(block, '\n')) {
-    const std::string text = WithoutBlanksAround(line);
-    if (text.rfind(key + ":", 0) == 0) return WithoutBlanksAround(text.substr(key.size() + 1));
-  }
-  throw DataError(fmt::format("{}: {} is missing", name, key));
-}
-
-/// "640x480  p[318.5 240.9]  f[383.3 384.4]  Brown Conrady [0.1 0 0 0.2 0]", in brackets; the first
-/// bracket is taken already.
-struct Printed {
-  int width = 0, height = 0;
-  std::string centre, focal, model, distortion;
-};
-std::optional<Printed> TakePrinted(const std::string& text) {
-  std::istringstream stream(text);
-  stream.imbue(std::locale::classic());
-  Printed printed;
-  char x = 0, end = 0;
-  std::string p, f;
-  const auto until = [&](char mark, std::string* part) {
-    return static_cast<bool>(std::getline(stream, *part, mark));
-  };
-  const bool whole = stream >> printed.width >> x >> printed.height && until('[', &p) &&
-                     until(']', &printed.centre) && until('[', &f) && until(']', &printed.focal) &&
-                     until('[', &printed.model) && until(']', &printed.distortion) && stream >> end;
-  if (!whole || x != 'x' || WithoutBlanksAround(p) != "p" || WithoutBlanksAround(f) != "f" ||
-      end != ']')
-    return std::nullopt;
-  return printed;
-}
-
-}  // namespace
-
-std::optional<Intrinsics> FromPyrealsense(const std::string& text, const std::string& name) {
-  for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
-    // Only a part of the text, so that many open brackets do not each search all of it.
-    const std::optional<Printed> printed = TakePrinted(text.substr(at + 1, kLongestPrint));
-    if (!printed) continue;
-    const std::vector<double> c = NumbersOfText(printed->centre), f = NumbersOfText(printed->focal);
-    if (c.size() != 2 || f.size() != 2)
-      throw DataError(name + ": p[...] and f[...] have two numbers each");
-    return Intrinsics{
-        printed->width,
-        printed->height,
-        f[0],
-        f[1],
-        c[0],
-        c[1],
-        NamedLens(WithoutBlanksAround(printed->model), NumbersOfText(printed->distortion), name)};
-  }
-  return std::nullopt;
-}
-
-std::optional<Intrinsics> FromRsEnumerate(const std::string& text, const std::string& name,
-                                          const FrameSize& frame) {
-  const std::string title = "Intrinsic of \"Depth\"";
-  std::size_t at = text.find(title);
-  if (at == std::string::npos) return std::nullopt;
-  for (; at != std::string::npos; at = text.find(title, at + 1)) {
-    const std::string block = text.substr(at, text.find("Intrinsic of", at + 1) - at);
-    const auto number = [&](const char* key) {
-      const std::vector<double> numbers = NumbersOfText(After(block, key, name));
-      if (numbers.empty()) throw DataError(fmt::format("{}: {} has no number", name, key));
-      return numbers[0];
-    };
-    if (number("Width") != frame.width || number("Height") != frame.height) continue;
-    const std::string model = After(block, "Distortion", name);
-    return Intrinsics{frame.width,
-                      frame.height,
-                      number("Fx"),
-                      number("Fy"),
-                      number("PPX"),
-                      number("PPY"),
-                      NamedLens(model, NumbersOfText(After(block, "Coeffs", name)), name)};
-  }
-  throw DataError(
-      fmt::format("{}: no intrinsics of a depth stream of {}x{}", name, frame.width, frame.height));
-}
-
-namespace {
-
-/// "< fx=504.5 fy=504.5 >" behind the word: the values by their keys.
-std::map<std::string, double> ValuesBehind(const std::string& text, const std::string& word,
-                                           const std::string& name) {
-  const std::size_t at = text.find(word), open = text.find('<', at), close = text.find('>', at);
-  if (at == std::string::npos || open == std::string::npos || close < open)
-    throw DataError(fmt::format("{}: {} is missing", name, word));
-  std::string part = text.substr(open + 1, close - open - 1);
-  std::replace(part.begin(), part.end(), ',', ' ');
-  std::map<std::string, double> values;
-  std::istringstream words(part);
-  for (std::string pair; words >> pair;) {
-    const std::size_t equals = std::min(pair.find('='), pair.size() - 1);
-    if (const std::optional<double> number = NumberOf(pair.substr(equals + 1)))
-      values[pair.substr(0, equals)] = *number;
-  }
-  return values;
-}
-
-}  // namespace
-
-std::optional<Intrinsics> FromPyorbbec(const std::string& text, const std::string& name) {
-  if (text.find("OBCameraParam") == std::string::npos) return std::nullopt;
-  const auto camera = ValuesBehind(text, "depth_intrinsic", name);
-  const auto lens = ValuesBehind(text, "depth_distortion", name);
-  const auto value = [&](const std::map<std::string, double>& of, const char* key) {
-    const auto found = of.find(key);
-    if (found == of.end()) throw DataError(fmt::format("{}: {} has no number", name, key));
-    return found->second;
-  };
-  const auto pixels = [&](const char* key) {
-    const double number = value(camera, key);
-    if (!(number >= 1 && number <= 1e5))
-      throw DataError(fmt::format("{}: {} = {} is no number of pixels", name, key, number));
-    return static_cast<int>(number);
-  };
-  Intrinsics intrinsics{pixels("width"),
-                        pixels("height"),
-                        value(camera, "fx"),
-                        value(camera, "fy"),
-                        value(camera, "cx"),
-                        value(camera, "cy"),
-                        {}};
-  for (const char* key : {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"})
-    intrinsics.distortion.push_back(value(lens, key));
-  return intrinsics;
-}
-
 }  // namespace volalign::formats_internal
 
 namespace volalign {
 
-using formats_internal::kBlanks, formats_internal::NamedLens;
+using formats_internal::NamedLens;
 
 namespace {
+
+constexpr char kBlanks[] = " \t\r\n\v\f";
 
 constexpr char kForms[] =
     "expected volalign's keys (width, height, fx, fy, cx, cy), Open3D's intrinsic_matrix, OpenCV's "
@@ -243,6 +88,11 @@ std::string_view WithoutBlanksBehind(std::string_view text) {
   return text.substr(0, text.find_last_not_of(kBlanks) + 1);
 }
 
+std::string WithoutBlanksAround(std::string_view text) {
+  text.remove_prefix(std::min(text.find_first_not_of(kBlanks), text.size()));
+  return std::string(WithoutBlanksBehind(text));
+}
+
 bool EndsWith(std::string_view text, std::string_view end) {
   return text.size() >= end.size() && text.substr(text.size() - end.size()) == end;
 }
@@ -257,116 +107,220 @@ YAML::Node FirstOf(const YAML::Node& map, std::initializer_list<const char*> key
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
-YAML::Node Required(const YAML::Node& map, std::initializer_list<const char*> keys,
-                    const std::string& name) {
-  YAML::Node node = FirstOf(map, keys);
-  if (!node) {
-    throw DataError(fmt::format(
-        "{}: {} is missing; state the image size and the lens for which the intrinsics hold", name,
-        *keys.begin()));
-  }
-  return node;
+/// `what`: of which it is a number. yaml-cpp itself would read it by the process's locale.
+double Number(const YAML::Node& node, const std::string& what, const std::string& name) {
+  const YAML::Mark at = node.Mark();
+  const std::string place = at.is_null() ? name : fmt::format("{}: line {}", name, at.line + 1);
+  return poses_internal::ParseNumber(node.Scalar(), fmt::format("{}: {}", place, what));
 }
 
-void AppendNumbers(const YAML::Node& node, std::vector<double>* numbers) {
+double Required(const YAML::Node& map, std::initializer_list<const char*> keys,
+                const std::string& name) {
+  if (const YAML::Node node = FirstOf(map, keys)) return Number(node, *keys.begin(), name);
+  throw DataError(fmt::format(
+      "{}: {} is missing; state the image size and the lens for which the intrinsics hold", name,
+      *keys.begin()));
+}
+
+void AppendNumbers(const YAML::Node& node, const char* what, const std::string& name,
+                   std::vector<double>* numbers) {
   if (node.IsSequence()) {
-    for (const YAML::Node& item : node) AppendNumbers(item, numbers);
+    for (const YAML::Node& item : node) AppendNumbers(item, what, name, numbers);
   } else {
-    numbers->push_back(node.as<double>());
+    numbers->push_back(Number(node, what, name));
   }
 }
 
 /// The numbers of [1, 2], [[1], [2]] or {rows, cols, data: [1, 2]}.
-std::vector<double> Numbers(const YAML::Node& node) {
+std::vector<double> Numbers(const YAML::Node& node, const char* what, const std::string& name) {
   std::vector<double> numbers;
-  AppendNumbers(node.IsMap() && node["data"] ? node["data"] : node, &numbers);
+  AppendNumbers(node.IsMap() && node["data"] ? node["data"] : node, what, name, &numbers);
   return numbers;
 }
 
-Intrinsics FromMatrix(const YAML::Node& map, const YAML::Node& matrix, const std::string& name) {
-  const std::vector<double> k = Numbers(matrix);
-  if (k.size() != 9)
-    throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, k.size()));
-  if (k[1] != 0 || k[3] != 0 || k[6] != 0 || k[7] != 0 || k[8] != 1) {
-    throw DataError(name +
-                    ": the camera matrix is not [fx, 0, cx, 0, fy, cy, 0, 0, 1], row by row");
+/// fx, fy, cx, cy of a camera matrix. Open3D has it column by column, all others row by row.
+std::vector<double> OfMatrix(const YAML::Node& matrix, bool by_column, const std::string& name) {
+  const std::vector<double> numbers = Numbers(matrix, "the camera matrix", name);
+  if (numbers.size() != 9)
+    throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, numbers.size()));
+  Eigen::Matrix3d k = Eigen::Map<const Eigen::Matrix3d>(numbers.data());
+  if (!by_column) k.transposeInPlace();
+  if (k(0, 1) != 0 || k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1) {
+    throw DataError(fmt::format("{}: the camera matrix is not {}", name,
+                                by_column ? "[fx, 0, 0, 0, fy, 0, cx, cy, 1], column by column as "
+                                            "Open3D has it"
+                                          : "[fx, 0, cx, 0, fy, cy, 0, 0, 1], row by row"));
   }
+  return {k(0, 0), k(1, 1), k(0, 2), k(1, 2)};
+}
+
+/// Reads the keys of all programs that state one camera in one map. A lens has its coefficients and
+/// the name of its model; `distortion` is either.
+Intrinsics FromKeys(const YAML::Node& map, const std::string& name) {
   for (const char* key : {"binning_x", "binning_y"}) {
-    if (map[key] && map[key].as<int>() > 1)
+    if (map[key].as<int>(0) > 1)
       throw DataError(fmt::format("{}: {} = {}: give the intrinsics of the image as it is stored",
                                   name, key, map[key].as<int>()));
   }
   if (const YAML::Node roi = map["roi"];
-      roi && roi.IsMap() && roi["x_offset"] &&
-      (roi["x_offset"].as<int>() != 0 || roi["y_offset"].as<int>() != 0)) {
+      roi && roi.IsMap() && (roi["x_offset"].as<int>(0) != 0 || roi["y_offset"].as<int>(0) != 0)) {
     throw DataError(name + ": roi: give the intrinsics of the image as it is stored, cut out");
   }
-  Intrinsics intrinsics{Required(map, {"image_width", "width"}, name).as<int>(),
-                        Required(map, {"image_height", "height"}, name).as<int>(),
-                        k[0],
-                        k[4],
-                        k[2],
-                        k[5],
-                        {}};
-  const YAML::Node lens = FirstOf(
-      map, {"distortion_coefficients", "D", "d", "dist_coeffs", "distCoeffs", "distortion"});
-  const YAML::Node model = map["distortion_model"];
-  if (lens) {
-    intrinsics.distortion = NamedLens(model ? model.as<std::string>() : "", Numbers(lens), name);
+  const YAML::Node of_open3d = map["intrinsic_matrix"];
+  const YAML::Node matrix =
+      of_open3d ? of_open3d
+                : FirstOf(map, {"camera_matrix", "cameraMatrix", "K", "k", "intrinsicMatrix"});
+  std::vector<double> k;
+  if (matrix) {
+    k = OfMatrix(matrix, of_open3d.IsDefined(), name);
+  } else {
+    k = {Required(map, {"fx"}, name), Required(map, {"fy"}, name),
+         Required(map, {"ppx", "cx"}, name), Required(map, {"ppy", "cy"}, name)};
   }
+  Intrinsics intrinsics{
+      poses_internal::PixelCount(Required(map, {"image_width", "width"}, name), name),
+      poses_internal::PixelCount(Required(map, {"image_height", "height"}, name), name),
+      k[0],
+      k[1],
+      k[2],
+      k[3],
+      {}};
+  const YAML::Node model =
+      FirstOf(map, {matrix ? "distortion_model" : "model", "distortion_model", "distortion"});
+  const YAML::Node lens = FirstOf(map, {"distortion_coefficients", "D", "d", "dist_coeffs",
+                                        "distCoeffs", "coeffs", "coefficients", "distortion"});
+  const bool is_named = model && model.IsScalar();
+  if (lens && !(is_named && lens.is(model)))
+    intrinsics.distortion =
+        NamedLens(is_named ? model.Scalar() : "", Numbers(lens, "distortion", name), name);
   return intrinsics;
 }
 
-Intrinsics FromOpen3d(const YAML::Node& map, const std::string& name) {
-  const std::vector<double> k = Numbers(map["intrinsic_matrix"]);
-  if (k.size() != 9 || k[1] != 0 || k[2] != 0 || k[3] != 0 || k[5] != 0 || k[8] != 1) {
-    throw DataError(name +
-                    ": intrinsic_matrix is not [fx, 0, 0, 0, fy, 0, cx, cy, 1], column by column "
-                    "as Open3D has it");
-  }
-  return {Required(map, {"width"}, name).as<int>(),
-          Required(map, {"height"}, name).as<int>(),
-          k[0],
-          k[4],
-          k[6],
-          k[7],
-          {}};
+// The prints that tools make for people, as maps of RealSense's keys. Undefined for other texts.
+// They throw DataError, which `name` begins, if the text is such a print but cannot be used.
+
+/// The numbers up to the first other word.
+YAML::Node NumbersOfText(const std::string& text) {
+  YAML::Node numbers(YAML::NodeType::Sequence);
+  std::istringstream words(text);
+  for (std::string word; words >> word && NumberOf(word);) numbers.push_back(word);
+  return numbers;
 }
 
-Intrinsics FromRealSense(const YAML::Node& map, const std::string& name) {
-  Intrinsics intrinsics;
-  intrinsics.width = Required(map, {"width"}, name).as<int>();
-  intrinsics.height = Required(map, {"height"}, name).as<int>();
-  intrinsics.fx = Required(map, {"fx"}, name).as<double>();
-  intrinsics.fy = Required(map, {"fy"}, name).as<double>();
-  intrinsics.cx = Required(map, {"ppx"}, name).as<double>();
-  intrinsics.cy = Required(map, {"ppy"}, name).as<double>();
-  const YAML::Node model = FirstOf(map, {"model", "distortion_model", "distortion"});
-  if (const YAML::Node coefficients = FirstOf(map, {"coeffs", "coefficients"})) {
-    intrinsics.distortion = NamedLens(model && model.IsScalar() ? model.as<std::string>() : "",
-                                      Numbers(coefficients), name);
+/// print(profile.intrinsics) of pyrealsense2:
+/// "[ 640x480  p[318.5 240.9]  f[383.3 383.3]  Brown Conrady [0 0 0 0 0] ]"
+YAML::Node OfPyrealsense(const std::string& text, const std::string& name) {
+  constexpr std::size_t kLongestPrint = 1000;
+  for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
+    // Only a part of the text, so that many open brackets do not each search all of it.
+    std::istringstream print(text.substr(at + 1, kLongestPrint));
+    std::array<std::string, 8> parts;  // 640, 480  p, 318.5 240.9, f, ... up to the last bracket
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      std::getline(print, parts[i], "x[][][]]"[i]);
+      parts[i] = WithoutBlanksAround(parts[i]);
+    }
+    const bool whole =
+        print.good() && EndsWith(parts[1], "p") && parts[3] == "f" && parts[7].empty();
+    const std::string height =
+        whole ? WithoutBlanksAround(parts[1].substr(0, parts[1].size() - 1)) : "";
+    if (!NumberOf(parts[0]) || !NumberOf(height)) continue;
+    const YAML::Node c = NumbersOfText(parts[2]), f = NumbersOfText(parts[4]);
+    if (c.size() != 2 || f.size() != 2)
+      throw DataError(name + ": p[...] and f[...] have two numbers each");
+    YAML::Node map;
+    map["width"] = parts[0];
+    map["height"] = height;
+    map["fx"] = f[0];
+    map["fy"] = f[1];
+    map["ppx"] = c[0];
+    map["ppy"] = c[1];
+    map["model"] = parts[5];
+    map["coeffs"] = NumbersOfText(parts[6]);
+    return map;
   }
-  return intrinsics;
+  return YAML::Node(YAML::NodeType::Undefined);
+}
+
+/// The text after `key` up to the end of its line.
+std::string After(const std::string& block, const std::string& key, const std::string& name) {
+  for (const std::string& line : Split(block, '\n')) {
+    const std::string text = WithoutBlanksAround(line);
+    if (text.rfind(key + ":", 0) == 0) return WithoutBlanksAround(text.substr(key.size() + 1));
+  }
+  throw DataError(fmt::format("{}: {} is missing", name, key));
+}
+
+/// `rs-enumerate-devices -c` prints blocks that begin `Intrinsic of "Depth" / 848x480 / {Z16}`.
+/// Takes the one of the frame's size.
+constexpr char kRsTitle[] = "Intrinsic of \"Depth\"";
+YAML::Node OfRsEnumerate(const std::string& text, const std::string& name, const ImageSize& frame) {
+  for (std::size_t at = text.find(kRsTitle); at != std::string::npos;
+       at = text.find(kRsTitle, at + 1)) {
+    const std::string block = text.substr(at, text.find("Intrinsic of", at + 1) - at);
+    if (After(block, "Width", name) != std::to_string(frame.width) ||
+        After(block, "Height", name) != std::to_string(frame.height))
+      continue;
+    YAML::Node map;
+    for (const char* key : {"Width", "Height", "Fx", "Fy", "PPX", "PPY"})
+      map[Lower(key)] = After(block, key, name);
+    map["model"] = After(block, "Distortion", name);
+    map["coeffs"] = NumbersOfText(After(block, "Coeffs", name));
+    return map;
+  }
+  throw DataError(
+      fmt::format("{}: no intrinsics of a depth stream of {}x{}", name, frame.width, frame.height));
+}
+
+/// "< fx=504.5 fy=504.5 >" behind the word: the values by their keys.
+std::map<std::string, std::string> ValuesBehind(const std::string& text, const std::string& word,
+                                                const std::string& name) {
+  const std::size_t at = text.find(word), open = text.find('<', at), close = text.find('>', at);
+  if (at == std::string::npos || open == std::string::npos || close < open)
+    throw DataError(fmt::format("{}: {} is missing", name, word));
+  std::string part = text.substr(open + 1, close - open - 1);
+  std::replace(part.begin(), part.end(), ',', ' ');
+  std::map<std::string, std::string> values;
+  std::istringstream words(part);
+  for (std::string pair; words >> pair;) {
+    const std::size_t equals = std::min(pair.find('='), pair.size() - 1);
+    values[pair.substr(0, equals)] = pair.substr(equals + 1);
+  }
+  return values;
+}
+
+/// The depth camera in pyorbbecsdk's print of OBCameraParam, whose lens is given as k1 ... k6 p1
+/// p2.
+YAML::Node OfPyorbbec(const std::string& text, const std::string& name) {
+  const auto camera = ValuesBehind(text, "depth_intrinsic", name);
+  const auto lens = ValuesBehind(text, "depth_distortion", name);
+  YAML::Node map;
+  for (const char* key : {"width", "height", "fx", "fy", "cx", "cy"}) {
+    if (const auto found = camera.find(key); found != camera.end()) map[key] = found->second;
+  }
+  for (const char* key : {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}) {
+    const auto found = lens.find(key);
+    if (found == lens.end() || !NumberOf(found->second))
+      throw DataError(fmt::format("{}: {} has no number", name, key));
+    map["coeffs"].push_back(found->second);
+  }
+  return map;
+}
+
+YAML::Node OfPrint(const std::string& text, const std::string& name, const ImageSize& frame) {
+  if (text.find(kRsTitle) != std::string::npos) return OfRsEnumerate(text, name, frame);
+  if (text.find("OBCameraParam") != std::string::npos) return OfPyorbbec(text, name);
+  return OfPyrealsense(text, name);
 }
 
 /// A calibration of DepthAI: `cameraData` is a list of [socket, camera]. Depth is computed from
 /// rectified pictures, with the right camera's matrix (H1 = M2 R1 M1^-1, H2 = M2 R2 M2^-1 in
 /// Luxonis' calibration_utils.py), and aligned to that camera unless the pipeline says otherwise.
-Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const FrameSize& frame) {
+Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const ImageSize& frame) {
   constexpr int kRight = 2;  // CameraBoardSocket::CAM_C
   for (const YAML::Node& pair : root["cameraData"]) {
     if (!pair.IsSequence() || pair.size() != 2 || pair[0].as<int>() != kRight) continue;
-    const YAML::Node camera = pair[1];
-    const std::vector<double> k = Numbers(Required(camera, {"intrinsicMatrix"}, name));
-    if (k.size() != 9)
-      throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, k.size()));
-    const Intrinsics given{Required(camera, {"width"}, name).as<int>(),
-                           Required(camera, {"height"}, name).as<int>(),
-                           k[0],
-                           k[4],
-                           k[2],
-                           k[5],
-                           std::vector<double>(5, 0.0)};
+    Intrinsics given = FromKeys(pair[1], name);
+    given.distortion.assign(5, 0.0);
     given.Validate(name);
     if (std::int64_t{given.width} * frame.height != std::int64_t{given.height} * frame.width) {
       throw DataError(fmt::format(
@@ -386,17 +340,15 @@ YAML::Node Load(const std::string& text) {
   return LoadYaml(text.substr(begin), YamlDocuments::kFirst);
 }
 
-Intrinsics FromDocument(const std::string& text, const std::string& name, const FrameSize& frame) {
+Intrinsics FromDocument(const std::string& text, const std::string& name, const ImageSize& frame) {
   const YAML::Node root = Load(text);
   if (!root.IsMap()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
   if (root["CalibrationInformation"])
     return formats_internal::KinectDepthIntrinsics(root, name, frame);
   if (root["cameraData"]) return FromDepthAi(root, name, frame);
-  if (root["intrinsic_matrix"]) return FromOpen3d(root, name);
-  if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromOpen3d(root["intrinsic"], name);
-  if (root["ppx"]) return FromRealSense(root, name);
-  if (const YAML::Node matrix = FirstOf(root, {"camera_matrix", "cameraMatrix", "K", "k"}))
-    return FromMatrix(root, matrix, name);
+  if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromKeys(root["intrinsic"], name);
+  if (FirstOf(root, {"intrinsic_matrix", "ppx", "camera_matrix", "cameraMatrix", "K", "k"}))
+    return FromKeys(root, name);
   if (root["fx"]) return ReadDescribed<Intrinsics>(text, name);
   throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
 }
@@ -404,25 +356,22 @@ Intrinsics FromDocument(const std::string& text, const std::string& name, const 
 }  // namespace
 
 Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
-                               const FrameSize& frame) {
+                               const ImageSize& frame) {
   if (const std::string why = WhyNoText(text); !why.empty())
     throw DataError(fmt::format("{}: {}", name, why));
-  std::optional<Intrinsics> intrinsics = formats_internal::FromRsEnumerate(text, name, frame);
-  if (!intrinsics) intrinsics = formats_internal::FromPyorbbec(text, name);
-  if (!intrinsics) intrinsics = formats_internal::FromPyrealsense(text, name);
-  if (!intrinsics) {
-    try {
-      intrinsics = FromDocument(text, name, frame);
-    } catch (const YAML::Exception& error) {
-      throw DataError(YamlProblemIn(name, error));
-    }
+  Intrinsics intrinsics;
+  try {
+    const YAML::Node print = OfPrint(text, name, frame);
+    intrinsics = print ? FromKeys(print, name) : FromDocument(text, name, frame);
+  } catch (const YAML::Exception& error) {
+    throw DataError(YamlProblemIn(name, error));
   }
-  intrinsics->Validate(name);
-  RequireRays(*intrinsics, name);
-  return *intrinsics;
+  intrinsics.Validate(name);
+  RequireRays(intrinsics, name);
+  return intrinsics;
 }
 
-Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const FrameSize& frame) {
+Intrinsics ReadIntrinsicsFile(const std::filesystem::path& path, const ImageSize& frame) {
   return ParseIntrinsicsText(ReadFile(path, kMaxTextBytes), path.string(), frame);
 }
 
@@ -442,8 +391,7 @@ std::string WhyNoText(const std::string& text) {
 }
 
 bool LooksLikeIntrinsics(const std::string& text) {
-  if (text.find("Intrinsic of \"Depth\"") != std::string::npos ||
-      text.find("<OBCameraParam") != std::string::npos)
+  if (text.find(kRsTitle) != std::string::npos || text.find("<OBCameraParam") != std::string::npos)
     return true;
   const std::string_view view = text;
   // pyrealsense2's `]  f[`, and a key, perhaps in quotes, before a colon.

@@ -81,7 +81,7 @@ Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
 
 /// The colour camera's chip is of 4:3; pictures of 16:9 are cut out of its middle, binned or not
 /// (Azure Kinect Sensor SDK, src/transformation/mode_specific_calibration.c).
-KinectMode ColourMode(const FrameSize& picture, const std::string& name) {
+KinectMode ColourMode(const ImageSize& picture, const std::string& name) {
   const int height = picture.width * 3 / 4;
   if (4 * height != 3 * picture.width || picture.height > height ||
       (height - picture.height) % 2 != 0) {
@@ -101,7 +101,7 @@ constexpr KinectMode kKinectModes[] = {{320, 288, 512, 512, 96, 90},
 namespace formats_internal {
 
 Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
-                                 const FrameSize& frame) {
+                                 const ImageSize& frame) {
   const auto* mode = std::find_if(
       std::begin(kKinectModes), std::end(kKinectModes),
       [&](const KinectMode& m) { return m.width == frame.width && m.height == frame.height; });
@@ -117,7 +117,7 @@ Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name
 }  // namespace formats_internal
 
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
-                               const std::optional<FrameSize>& picture) {
+                               const std::optional<ImageSize>& picture) {
   try {
     const YAML::Node root = LoadYaml(text, YamlDocuments::kFirst);
     if (!root.IsMap() || !root["CalibrationInformation"]) {

@@ -15,7 +15,7 @@ namespace volalign {
 /// for pictures of the size `picture`; without one they are left out. Throws DataError, with `name`
 /// in its message.
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
-                               const std::optional<FrameSize>& picture);
+                               const std::optional<ImageSize>& picture);
 /// The same for a file, without intrinsics. Throws IoError or DataError.
 ColourCamera ReadKinectColour(const std::filesystem::path& path);
 
@@ -24,7 +24,7 @@ namespace formats_internal {
 /// The intrinsics of depth frames of a size, by a raw calibration (CalibrationInformation), of
 /// which the size names the mode. Throws DataError.
 Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
-                                 const FrameSize& frame);
+                                 const ImageSize& frame);
 
 }  // namespace formats_internal
 

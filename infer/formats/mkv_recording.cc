@@ -147,10 +147,10 @@ std::string KinectKind(int width, int height) {
 /// None if the calibration does not have the colour camera's pose, because depth does not need it.
 std::optional<ColourCamera> Colour(const File& file, const std::string& calibration,
                                    const std::string& place) {
-  std::optional<FrameSize> picture;
+  std::optional<ImageSize> picture;
   for (int i = 0; i < static_cast<int>(file.context->nb_streams); ++i) {
     if (file.TitleOf(i) == "COLOR")
-      picture = FrameSize{file.ParametersOf(i).width, file.ParametersOf(i).height};
+      picture = ImageSize{file.ParametersOf(i).width, file.ParametersOf(i).height};
   }
   try {
     return ParseKinectColour(calibration, place, picture);
@@ -160,7 +160,7 @@ std::optional<ColourCamera> Colour(const File& file, const std::string& calibrat
 }
 
 RecordedDepth Describe(const File& file, int track, const std::string& calibration) {
-  const FrameSize size{file.ParametersOf(track).width, file.ParametersOf(track).height};
+  const ImageSize size{file.ParametersOf(track).width, file.ParametersOf(track).height};
   const std::string title = file.TitleOf(track);
   RecordedDepth depth;
   depth.stream = title.empty() ? fmt::format("track {}", track + 1) : title;
