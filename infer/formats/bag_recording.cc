@@ -8,11 +8,9 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
-#include <utility>
 
 #include "core/base/error.h"
 #include "core/base/text.h"
@@ -103,32 +101,27 @@ struct BagConnection {
 /// file is damaged. They trust no length that it states.
 class RosBag {
  public:
-  /// `name` begins every message. Throws IoError or DataError.
-  RosBag(const std::filesystem::path& path, std::string name, ReadBudget* budget);
+  /// Throws IoError or DataError.
+  RosBag(const std::filesystem::path& path, const RosReading& reading);
 
-  /// The connections in the index at the file's end, and those of the messages visited so far.
-  const std::map<std::uint32_t, BagConnection>& connections() const { return connections_; }
-
-  /// False if a recording was cut off before its index: further connections may still come.
-  bool has_index() const { return has_index_; }
-
-  using Visit = std::function<bool(const BagConnection&, std::string_view message)>;
-  /// Calls `visit` with each message, in the file's order, until it returns false.
-  void ForEachMessage(const Visit& visit);
+  /// Reads the chunks, in the file's order, until nothing more is to come.
+  RosContent Read();
 
  private:
   struct Record;
   bool ReadRecord(Record* record);
   void AddConnection(const Fields& header, std::string_view data);
-  /// False if `visit` wanted no more.
-  bool VisitChunk(const Record& chunk, const Visit& visit);
+  void TakeChunk(const Record& chunk);
+  bool IsComplete() const;
 
-  std::string name_;
-  ReadBudget* budget_;
+  const RosReading& reading_;
+  const std::string& name_;
   std::ifstream stream_;
   std::uint64_t size_ = 0, at_ = 0, first_record_ = 0;
-  bool has_index_ = false;
+  bool has_index_ = false;  ///< else it was cut off: further connections may still come
+  /// Those in the index at the file's end, and those of the messages so far.
   std::map<std::uint32_t, BagConnection> connections_;
+  RosContent content_;
 };
 
 struct RosBag::Record {
@@ -137,8 +130,8 @@ struct RosBag::Record {
   std::string data;
 };
 
-RosBag::RosBag(const std::filesystem::path& path, std::string name, ReadBudget* budget)
-    : name_(std::move(name)), budget_(budget) {
+RosBag::RosBag(const std::filesystem::path& path, const RosReading& reading)
+    : reading_(reading), name_(reading.name) {
   std::error_code error;
   size_ = std::filesystem::file_size(path, error);
   stream_.open(path, std::ios::binary);
@@ -198,11 +191,11 @@ void RosBag::AddConnection(const Fields& header, std::string_view data) {
   }
 }
 
-bool RosBag::VisitChunk(const Record& chunk, const Visit& visit) {
-  const std::string bytes = Unpack(chunk.header, chunk.data, name_, budget_);
+void RosBag::TakeChunk(const Record& chunk) {
+  const std::string bytes = Unpack(chunk.header, chunk.data, name_, reading_.budget);
   ByteReader reader(bytes, name_);
   while (reader.left() > 0) {
-    budget_->Unpack(kRecordCost, name_);
+    reading_.budget->Unpack(kRecordCost, name_);
     const Fields header = ParseFields(reader.Block(), name_);
     const std::string_view data = reader.Block();
     const auto op = Field<std::uint8_t>(header, "op", name_);
@@ -212,19 +205,38 @@ bool RosBag::VisitChunk(const Record& chunk, const Visit& visit) {
       const auto found = connections_.find(Field<std::uint32_t>(header, "conn", name_));
       if (found == connections_.end())
         throw DataError(name_ + ": damaged: a message of an unknown connection");
-      if (!visit(found->second, data)) return false;
+      CollectRos1(found->second.topic, found->second.type, data, reading_, &content_);
     }
   }
-  return true;
 }
 
-void RosBag::ForEachMessage(const Visit& visit) {
+RosContent RosBag::Read() {
   at_ = first_record_;
   Record record;
-  while (ReadRecord(&record)) {
+  while (!IsComplete() && ReadRecord(&record)) {
     if (record.op == kConnectionRecord) AddConnection(record.header, record.data);
-    if (record.op == kChunkRecord && !VisitChunk(record, visit)) return;
+    if (record.op == kChunkRecord) TakeChunk(record);
   }
+  return std::move(content_);
+}
+
+/// Is nothing more to come? Every image topic that may be depth then has all its frames, and a
+/// message of each topic that describes them was seen.
+bool RosBag::IsComplete() const {
+  if (!has_index_ || content_.streams.empty()) return false;
+  for (const auto& [id, connection] : connections_) {
+    const std::string& topic = connection.topic;
+    const bool describes =
+        connection.type == "sensor_msgs/CameraInfo" || !OrbbecProfileNumber(topic).empty() ||
+        topic == kOrbbecDevice || topic == kStaticTransforms ||
+        (connection.type == "geometry_msgs/Transform" && IsStreamTransform(topic));
+    if (describes && content_.contents.count(topic) == 0) return false;
+    const bool is_depth =
+        connection.type == "sensor_msgs/Image" && !IsNamedOtherwise(topic) &&
+        (Lower(topic).find("depth") != std::string::npos || OrbbecStream(topic) == kOrbbecDepth);
+    if (is_depth && content_.streams.count(topic) == 0) return false;
+  }
+  return HasAllFrames(content_, reading_.max_frames);
 }
 
 class BagReader : public ByteReader {
@@ -318,52 +330,14 @@ void ReadOrbbecProperty(std::string_view message, const std::string& name,
   }
 }
 
-/// Is nothing more to come? Every image topic that may be depth then has all its frames, and a
-/// message of each topic that describes them was seen.
-bool IsComplete(const RosContent& content, const RosBag& bag, int max_frames) {
-  if (!bag.has_index() || content.streams.empty()) return false;
-  for (const auto& [id, connection] : bag.connections()) {
-    const std::string& topic = connection.topic;
-    const bool describes =
-        connection.type == "sensor_msgs/CameraInfo" || !OrbbecProfileNumber(topic).empty() ||
-        topic == kOrbbecDevice || IsStaticTransform(topic) ||
-        (connection.type == "geometry_msgs/Transform" && IsStreamTransform(topic));
-    if (describes && content.contents.count(topic) == 0) return false;
-    const bool is_depth =
-        connection.type == "sensor_msgs/Image" && !IsNamedOtherwise(topic) &&
-        (Lower(topic).find("depth") != std::string::npos || OrbbecStream(topic) == kOrbbecDepth);
-    if (is_depth && content.streams.count(topic) == 0) return false;
-  }
-  return HasAllFrames(content, max_frames);
-}
-
 }  // namespace
 
-bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
+void CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
                  const RosReading& reading, RosContent* content) {
   const std::string& name = reading.name;
-  const bool first = content->contents.emplace(topic, type).second;
-  if (type == "sensor_msgs/Image") {
-    const RosImage image = ReadImage(BagReader(message, name));
-    const bool is_depth = IsDepth(topic, image.encoding);
-    if (!is_depth && OrbbecStream(topic) != kOrbbecDepth) return first;
-    RosStream& stream = content->streams[topic];
-    stream.stream = topic;
-    if (!is_depth) {
-      stream.problem = fmt::format(
-          "depth encoded as \"{}\"; mono16 and z16 are read: record without compression of the "
-          "depth",
-          Shortened(image.encoding));
-      return first;
-    }
-    if (image.encoding == "32FC1") stream.depth_scale = 1;
-    return AddFrame(
-        reading, image.frame, [&] { return DecodeImage(image, name); }, &stream);
-  }
-  if (type == "sensor_msgs/CameraInfo") {
-    if (content->infos.count(topic) == 0)
-      content->infos.emplace(topic, ReadCameraInfo(BagReader(message, name), name));
-  } else if (const std::string number = OrbbecProfileNumber(topic); !number.empty()) {
+  content->contents.emplace(topic, type);
+  if (CollectCommon<BagReader>(topic, type, message, reading, content)) return;
+  if (const std::string number = OrbbecProfileNumber(topic); !number.empty()) {
     content->profiles.emplace(number, ReadOrbbecProfile(message, name));
   } else if (topic == kOrbbecDevice) {
     BagReader reader(message, name);
@@ -373,8 +347,6 @@ bool CollectRos1(const std::string& topic, const std::string& type, std::string_
     ReadOrbbecProperty(message, name, &content->properties);
   } else if (type == "std_msgs/Float32" && IsDepthUnits(topic)) {
     content->units[topic] = BagReader(message, name).Value<float>();
-  } else if (IsStaticTransform(topic)) {
-    ReadTransforms(BagReader(message, name), name, &content->transforms);
   } else if (type == "geometry_msgs/Transform" && IsStreamTransform(topic)) {
     BagReader reader(message, name);
     AddStreamTransform(topic, ReadTransform(&reader), &content->transforms);
@@ -383,20 +355,12 @@ bool CollectRos1(const std::string& topic, const std::string& type, std::string_
     const std::string key = reader.Text();
     AddDevicePair(key, reader.Text(), &content->devices[topic]);
   }
-  return first;
 }
 
 Recording ReadBagRecording(const std::filesystem::path& path, const std::string& name,
                            int max_frames, ReadBudget* budget) {
-  RosBag bag(path, name, budget);
-  RosContent content;
   const RosReading reading{name, max_frames, budget};
-  bag.ForEachMessage([&](const BagConnection& connection, std::string_view message) {
-    // This comes only after messages that may complete it, because it visits all connections.
-    return !CollectRos1(connection.topic, connection.type, message, reading, &content) ||
-           !IsComplete(content, bag, max_frames);
-  });
-  return DescribeStreams(std::move(content), name);
+  return DescribeStreams(RosBag(path, reading).Read(), name);
 }
 
 }  // namespace volalign::formats_internal

@@ -160,17 +160,12 @@ void CollectRos2(const std::string& topic, const std::string& type, std::string_
     message = unpacked;
   }
   content->contents.emplace(topic, type);
+  std::string of_ros1 = type;
+  if (const std::size_t at = type.find("/msg/"); at != std::string::npos) of_ros1.erase(at, 4);
+  if (CollectCommon<CdrReader>(topic, of_ros1, message, reading, content)) return;
   const bool is_text = type == "std_msgs/msg/String";
   const auto text = [&] { return CdrReader(message, name).Text(); };
-  if (type == "sensor_msgs/msg/Image") {
-    const RosImage image = ReadImage(CdrReader(message, name));
-    if (!IsDepth(topic, image.encoding)) return;
-    RosStream& stream = content->streams[topic];
-    stream.stream = topic;
-    if (image.encoding == "32FC1") stream.depth_scale = 1;
-    AddFrame(
-        reading, image.frame, [&] { return DecodeImage(image, name); }, &stream);
-  } else if (type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic).empty()) {
+  if (type == "sensor_msgs/msg/CompressedImage" && !Uncompressed(topic).empty()) {
     CdrReader image(message, name);
     const std::string frame = image.Header(), format = image.Text();
     RosStream& stream = content->streams[topic];
@@ -183,15 +178,10 @@ void CollectRos2(const std::string& topic, const std::string& type, std::string_
     }
     AddFrame(
         reading, frame, [&] { return DecodeCompressed(image.Bytes(), name); }, &stream);
-  } else if (type == "sensor_msgs/msg/CameraInfo") {
-    if (content->infos.count(topic) == 0)
-      content->infos.emplace(topic, ReadCameraInfo(CdrReader(message, name), name));
   } else if (is_text && IsStreamCamera(topic)) {
     content->infos.emplace(topic, ParseCameraText(text()));
   } else if (is_text && IsDepthUnits(topic)) {
     content->units[topic] = NumberOf(text()).value_or(0);
-  } else if (type == "tf2_msgs/msg/TFMessage" && IsStaticTransform(topic)) {
-    ReadTransforms(CdrReader(message, name), name, &content->transforms);
   } else if (is_text && IsStreamTransform(topic)) {
     AddStreamTransform(topic, ParseStreamTransform(text()), &content->transforms);
   } else if (is_text && IsDeviceInfo(topic)) {

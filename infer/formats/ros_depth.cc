@@ -291,6 +291,22 @@ StoredDepth DecodeImage(const RosImage& image, const std::string& name) {
   return depth;
 }
 
+void AddImage(const std::string& topic, const RosImage& image, const RosReading& reading,
+              RosContent* content) {
+  const bool is_depth = IsDepth(topic, image.encoding);
+  if (!is_depth && OrbbecStream(topic) != kOrbbecDepth) return;
+  RosStream& stream = content->streams[topic];
+  stream.stream = topic;
+  if (!is_depth) {
+    stream.problem = fmt::format(
+        "depth encoded as \"{}\"; mono16 and z16 are read: record without compression of the depth",
+        Shortened(image.encoding));
+  }
+  if (image.encoding == "32FC1") stream.depth_scale = 1;
+  AddFrame(
+      reading, image.frame, [&] { return DecodeImage(image, reading.name); }, &stream);
+}
+
 bool IsStreamCamera(const std::string& topic) {
   const std::string end = "/camera_info";
   const std::size_t at = topic.rfind(end);
@@ -307,8 +323,6 @@ bool IsDepthUnits(const std::string& topic) {
   return lower.find("depth units/value") != std::string::npos ||
          lower.find("depth_units/value") != std::string::npos;
 }
-
-bool IsStaticTransform(const std::string& topic) { return topic == "/tf_static"; }
 
 bool IsStreamTransform(const std::string& topic) {
   return topic.rfind("/device_", 0) == 0 && topic.find("/tf/") != std::string::npos;

@@ -129,8 +129,8 @@ void ReadTransforms(Reader reader, const std::string& name, RosTransforms* trans
   }
 }
 
-/// Does the topic have transforms that apply to the whole recording?
-bool IsStaticTransform(const std::string& topic);
+/// The topic of the transforms that apply to the whole recording.
+inline constexpr char kStaticTransforms[] = "/tf_static";
 
 /// The topic "/device_0/sensor_1/Color_0/tf/0" of RealSense's recorder has the pose of the
 /// reference stream 0 in that stream's frame. The transform names the streams by their paths. False
@@ -182,16 +182,39 @@ struct RosReading {
 };
 
 /// Adds the frame that `decode` returns, unless the topic's stream has all its frames or cannot be
-/// read. True if this was the last one. Throws DataError.
+/// read. Throws DataError.
 template <class Decode>
-bool AddFrame(const RosReading& reading, const std::string& frame, const Decode& decode,
+void AddFrame(const RosReading& reading, const std::string& frame, const Decode& decode,
               RosStream* stream) {
-  const auto most = static_cast<std::size_t>(reading.max_frames);
-  if (!stream->problem.empty() || stream->frames.size() >= most) return false;
+  if (!stream->problem.empty() ||
+      stream->frames.size() >= static_cast<std::size_t>(reading.max_frames))
+    return;
   if (stream->frames.empty()) stream->frame = frame;
   stream->frames.push_back(decode());
   reading.budget->Keep(BytesOf(stream->frames.back()), reading.name);
-  return stream->frames.size() == most;
+}
+
+/// Adds an image if it is one of depth. Throws DataError.
+void AddImage(const std::string& topic, const RosImage& image, const RosReading& reading,
+              RosContent* content);
+
+/// Adds the content of a message that both versions of ROS have: an image, a camera, or static
+/// transforms. `type`: as in ROS 1. False for other messages. Throws DataError.
+template <class Reader>
+bool CollectCommon(const std::string& topic, const std::string& type, std::string_view message,
+                   const RosReading& reading, RosContent* content) {
+  const std::string& name = reading.name;
+  if (type == "sensor_msgs/Image") {
+    AddImage(topic, ReadImage(Reader(message, name)), reading, content);
+  } else if (type == "sensor_msgs/CameraInfo") {
+    if (content->infos.count(topic) == 0)
+      content->infos.emplace(topic, ReadCameraInfo(Reader(message, name), name));
+  } else if (type == "tf2_msgs/TFMessage" && topic == kStaticTransforms) {
+    ReadTransforms(Reader(message, name), name, &content->transforms);
+  } else {
+    return false;
+  }
+  return true;
 }
 
 /// Is it "/device_0/sensor_0/Depth_0/camera_info", of the recorder of RealSense 2.58?
@@ -207,9 +230,8 @@ bool IsDepthUnits(const std::string& topic);
 /// Throws DataError.
 Recording DescribeStreams(RosContent content, const std::string& name);
 
-/// Adds the relevant content of a message of ROS 1. True if it has brought the last frame of a
-/// stream, or a new camera, device or transform. Throws DataError.
-bool CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
+/// Adds the relevant content of a message of ROS 1. Throws DataError.
+void CollectRos1(const std::string& topic, const std::string& type, std::string_view message,
                  const RosReading& reading, RosContent* content);
 /// The same for a message of ROS 2 (CDR), plain or packed by zstd.
 void CollectRos2(const std::string& topic, const std::string& type, std::string_view message,
