@@ -241,9 +241,10 @@ void ConfigSource::Put(const std::string& key, const Json& tree, const Json& pla
     Json* const below = step.empty() ? nullptr : Step(step, to);
     if (below == nullptr) {
       throw ConfigError(
-          fmt::format("{}: there is no {} to set it in; items are numbered 0, 1, 2, ... without "
-                      "gaps, and the next one here is {} ({})",
-                      Shortened(key), Shortened(step.substr(step[0] == '[')), to->size(),
+          fmt::format("{}: there is no '{}' to set: {} ({})", Shortened(key),
+                      Shortened(step.substr(step[0] == '[')),
+                      to->is_array() ? fmt::format("the next item of its list is [{}]", to->size())
+                                     : "groups have keys, and lists have items in brackets",
                       places.value("", "")));
     }
     to = below;

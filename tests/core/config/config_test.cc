@@ -149,11 +149,12 @@ TEST(ReadConfig, ItemsOfAListAreNumberedWithoutAGap) {
     ConfigSource source = ConfigSource::FromString("sensors: [{name: a}]\n", "a.yaml");
     ExpectError<ConfigError>([&] { source.Set(key + "=x"); }, parts);
   };
-  expect_bad("sensors[2].name", {"sensors[2].name", "the next one here is 1", "--set"});
-  expect_bad("sensors[].name", {"sensors[].name", "the next one here is 1"});
-  expect_bad("sensors[-1].name", {"sensors[-1].name", "the next one here is 1"});
-  expect_bad("sensors[1x].name", {"sensors[1x].name", "the next one here is 1"});
-  expect_bad("sensors[0]..name", {"sensors[0]..name"});
+  expect_bad("sensors[2].name", {"sensors[2].name", "the next item of its list is [1]", "--set"});
+  expect_bad("sensors[].name", {"sensors[].name", "the next item of its list is [1]"});
+  expect_bad("sensors[-1].name", {"sensors[-1].name", "the next item of its list is [1]"});
+  expect_bad("sensors[1x].name", {"sensors[1x].name", "the next item of its list is [1]"});
+  expect_bad("sensors[0]..name", {"sensors[0]..name", "groups have keys"});
+  expect_bad("sensors.name", {"sensors.name", "the next item of its list is [1]"});
   // Memory is taken for items that are there, not for what an index says.
   for (const char* index : {"999999999", "18446744073709551615", "99999999999999999999999"}) {
     const std::string key = "sensors[" + std::string(index) + "].name";
