@@ -89,14 +89,6 @@ TEST(SetTorchThreads, RefusesNegativeNumbers) {
   EXPECT_EQ(at::get_num_threads(), 1);  // of torch_test_main.cc
 }
 
-TEST(ForEachOnTorchThreads, CallsEachTaskOnce) {
-  for (const int count : {0, 1, 2, 7}) {
-    std::vector<int> calls(static_cast<std::size_t>(count));
-    ForEachOnTorchThreads(count, [&](std::int64_t i) { ++calls[static_cast<std::size_t>(i)]; });
-    EXPECT_EQ(calls, std::vector<int>(static_cast<std::size_t>(count), 1));
-  }
-}
-
 #ifdef VOLALIGN_OPENMP
 TEST(ForEachOnTorchThreads, TakesAsManyThreadsAsLibTorch) {
   for (const int threads : {1, 2}) {
