@@ -14,6 +14,9 @@ namespace volalign::poses_internal {
 
 using Poses = std::vector<SensorPose>;
 
+/// The rows of a matrix as text, a line each.
+std::string RowsOf(const Eigen::MatrixXd& matrix);
+
 /// The frame of a file's poses, and their camera. The codecs change neither: they write poses as
 /// given, and name both in the file.
 struct FileFrame {

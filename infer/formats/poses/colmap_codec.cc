@@ -115,11 +115,8 @@ Poses ReadColmap(const Files& files) {
     if (camera == cameras.end())
       throw DataError(fmt::format("{}: there is no camera {}", place, Shortened(words[8])));
     poses.push_back(
-        {words[9],
-         PoseFromQuaternion(v[0], v[1], v[2], v[3], {v[4], v[5], v[6]}, place).inverse(),
-         camera->second,
-         {},
-         {}});
+        {words[9], PoseFromQuaternion(v[0], v[1], v[2], v[3], {v[4], v[5], v[6]}, place).inverse(),
+         camera->second});
   }
   ReadDepthComments(FileOf(files, "images.txt"), "images.txt", &poses);
   return poses;

@@ -38,15 +38,29 @@ ordered_json IntrinsicsJson(const Intrinsics& k) {
   return json;
 }
 
-void AddDepth(const SensorPose& pose, ordered_json* json) {
-  (*json)["depth_gain"] = pose.depth_gain;
-  (*json)["depth_offset_m"] = pose.depth_offset_m;
+/// A list of the sensors: what `pose_of` writes of each, its depth correction and its intrinsics.
+template <class PoseOf>
+ordered_json Sensors(const Poses& poses, bool with_intrinsics, const PoseOf& pose_of) {
+  ordered_json sensors = ordered_json::array();
+  for (const SensorPose& pose : poses) {
+    ordered_json sensor = pose_of(pose);
+    sensor["depth_gain"] = pose.depth_gain;
+    sensor["depth_offset_m"] = pose.depth_offset_m;
+    if (with_intrinsics && pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
+    sensors.push_back(std::move(sensor));
+  }
+  return sensors;
 }
 
 /// Files of earlier versions and other programs have no corrections.
-void ReadDepth(const ObjectReader& object, SensorPose* pose) {
-  if (object.Has("depth_gain")) pose->depth_gain = object.Number("depth_gain");
-  if (object.Has("depth_offset_m")) pose->depth_offset_m = object.Number("depth_offset_m");
+SensorPose ReadSensor(const ObjectReader& object, const std::string& name, const Pose& pose,
+                      bool with_intrinsics) {
+  SensorPose sensor{name, pose};
+  if (with_intrinsics && object.Has("intrinsics"))
+    sensor.intrinsics = object.Read<Intrinsics>("intrinsics");
+  object.OptionalSinceVersion("depth_gain", sensor.depth_gain);
+  object.OptionalSinceVersion("depth_offset_m", sensor.depth_offset_m);
+  return sensor;
 }
 
 /// The convention of a file with the world frame `world`.
@@ -64,12 +78,6 @@ Eigen::MatrixXd FromColumnMajor(const ObjectReader& object, const std::string& k
     throw DataError(fmt::format("{}: {} numbers instead of {}", object.Place(key), numbers.size(),
                                 rows * rows));
   return Eigen::Map<const Eigen::MatrixXd>(numbers.data(), rows, rows);
-}
-
-ordered_json Components(const std::vector<std::string>& names, const std::vector<double>& values) {
-  ordered_json json;
-  for (std::size_t i = 0; i < names.size(); ++i) json[names[i]] = values[i];
-  return json;
 }
 
 std::string FileText(const ordered_json& file) { return file.dump(2) + "\n"; }
@@ -90,17 +98,12 @@ Intrinsics Open3dIntrinsics(const ObjectReader& object) {
 }  // namespace
 
 std::string WritePosesJson(const Poses& poses, const FileFrame& frame) {
-  ordered_json sensors = ordered_json::array();
-  for (const SensorPose& pose : poses) {
-    ordered_json sensor = {{"name", pose.name},
-                           {"structure_from_sensor", ToRows(pose.structure_from_sensor)}};
-    AddDepth(pose, &sensor);
-    if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
-    sensors.push_back(std::move(sensor));
-  }
   return FileText({{"format", kPosesFormat},
                    {"convention", Convention(kPosesConvention, frame.world)},
-                   {"sensors", std::move(sensors)}});
+                   {"sensors", Sensors(poses, true, [](const SensorPose& pose) -> ordered_json {
+                      return {{"name", pose.name},
+                              {"structure_from_sensor", ToRows(pose.structure_from_sensor)}};
+                    })}});
 }
 
 Poses ReadPosesJson(const std::string& text, const std::string& name) {
@@ -112,13 +115,9 @@ Poses ReadPosesJson(const std::string& text, const std::string& name) {
   root.Has("convention");
   Poses poses;
   for (const ObjectReader& sensor : root.Children("sensors")) {
-    SensorPose pose;
-    pose.name = sensor.Text("name");
-    pose.structure_from_sensor = sensor.Read<Pose>("structure_from_sensor");
-    if (sensor.Has("intrinsics")) pose.intrinsics = sensor.Read<Intrinsics>("intrinsics");
-    ReadDepth(sensor, &pose);
+    poses.push_back(
+        ReadSensor(sensor, sensor.Text("name"), sensor.Read<Pose>("structure_from_sensor"), true));
     sensor.RejectOthers();
-    poses.push_back(std::move(pose));
   }
   root.RejectOthers();
   return poses;
@@ -183,21 +182,16 @@ Poses ReadOpen3d(const std::string& text, const std::string& name) {
 }
 
 std::string WriteUnity(const Poses& poses, const FileFrame& frame) {
-  ordered_json sensors = ordered_json::array();
-  for (const SensorPose& pose : poses) {
+  const auto pose_of = [](const SensorPose& pose) -> ordered_json {
     const Eigen::Vector3d p = UnityFromYUp() * pose.structure_from_sensor.translation();
     const Eigen::Quaterniond q = QuaternionOf(UnityFromYUp() * pose.structure_from_sensor.linear() *
                                               UnityCameraFromSensor());
-    ordered_json sensor = {
-        {"name", pose.name},
-        {"position", Components({"x", "y", "z"}, {p.x(), p.y(), p.z()})},
-        {"rotation", Components({"x", "y", "z", "w"}, {q.x(), q.y(), q.z(), q.w()})}};
-    AddDepth(pose, &sensor);
-    if (pose.intrinsics) sensor["intrinsics"] = IntrinsicsJson(*pose.intrinsics);
-    sensors.push_back(std::move(sensor));
-  }
-  return FileText(
-      {{"convention", Convention(kUnityConvention, frame.world)}, {"sensors", std::move(sensors)}});
+    return {{"name", pose.name},
+            {"position", {{"x", p.x()}, {"y", p.y()}, {"z", p.z()}}},
+            {"rotation", {{"x", q.x()}, {"y", q.y()}, {"z", q.z()}, {"w", q.w()}}}};
+  };
+  return FileText({{"convention", Convention(kUnityConvention, frame.world)},
+                   {"sensors", Sensors(poses, true, pose_of)}});
 }
 
 Poses ReadUnity(const std::string& text, const std::string& name) {
@@ -206,18 +200,13 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
   Poses poses;
   for (const ObjectReader& sensor : root.Children("sensors")) {
     const ObjectReader p = sensor.Child("position"), q = sensor.Child("rotation");
-    const Pose unity = PoseFromQuaternion(
+    Pose pose = PoseFromQuaternion(
         q.Number("w"), q.Number("x"), q.Number("y"), q.Number("z"),
         UnityFromYUp() * Eigen::Vector3d(p.Number("x"), p.Number("y"), p.Number("z")),
         sensor.Place("rotation"));
-    SensorPose pose;
-    pose.name = sensor.Text("name");
-    pose.structure_from_sensor = unity;
     // Both changes of axes are their own inverse.
-    pose.structure_from_sensor.linear() = UnityFromYUp() * unity.linear() * UnityCameraFromSensor();
-    if (sensor.Has("intrinsics")) pose.intrinsics = sensor.Read<Intrinsics>("intrinsics");
-    ReadDepth(sensor, &pose);
-    poses.push_back(std::move(pose));
+    pose.linear() = UnityFromYUp() * pose.linear() * UnityCameraFromSensor();
+    poses.push_back(ReadSensor(sensor, sensor.Text("name"), pose, true));
   }
   return poses;
 }
@@ -225,18 +214,16 @@ Poses ReadUnity(const std::string& text, const std::string& name) {
 // cwipc (github.com/cwi-dis/cwipc): a camera has a serial number, a type and `trafo`; it skips keys
 // that it does not know.
 std::string WriteCwipc(const Poses& poses, const FileFrame& frame) {
-  ordered_json cameras = ordered_json::array();
-  for (const SensorPose& pose : poses) {
-    cameras.push_back({{"serial", pose.serial.empty() ? pose.name : pose.serial},
-                       {"name", pose.name},
-                       {"type", ""},
-                       {"trafo", ToRows(pose.structure_from_sensor)}});
-    AddDepth(pose, &cameras.back());
-  }
+  const auto pose_of = [](const SensorPose& pose) -> ordered_json {
+    return {{"serial", pose.serial.empty() ? pose.name : pose.serial},
+            {"name", pose.name},
+            {"type", ""},
+            {"trafo", ToRows(pose.structure_from_sensor)}};
+  };
   return FileText({{"version", kCwipcVersion},
                    {"type", ""},
                    {"convention", Convention(kCwipcConvention, frame.world)},
-                   {"camera", std::move(cameras)}});
+                   {"camera", Sensors(poses, false, pose_of)}});
 }
 
 Poses ReadCwipc(const std::string& text, const std::string& name) {
@@ -244,12 +231,10 @@ Poses ReadCwipc(const std::string& text, const std::string& name) {
   const ObjectReader root(document, name);
   Poses poses;
   for (const ObjectReader& camera : root.Children("camera")) {
-    SensorPose pose;
-    pose.serial = camera.Text("serial");
-    pose.name = camera.Has("name") ? camera.Text("name") : pose.serial;
-    pose.structure_from_sensor = camera.Read<Pose>("trafo");
-    ReadDepth(camera, &pose);
-    poses.push_back(std::move(pose));
+    const std::string serial = camera.Text("serial");
+    poses.push_back(ReadSensor(camera, camera.Has("name") ? camera.Text("name") : serial,
+                               camera.Read<Pose>("trafo"), false));
+    poses.back().serial = serial;
   }
   return poses;
 }

@@ -74,13 +74,9 @@ Files WriteLivescan(const Poses& poses, const FileFrame& /*frame*/) {
   Files files;
   for (const SensorPose& sensor : poses) {
     const Pose& pose = sensor.structure_from_sensor;
-    const Eigen::Matrix3d r = pose.linear();
-    const Eigen::Vector3d t = r.transpose() * pose.translation();
-    std::string& text = files[kBegin + sensor.name + kEnd];
-    text = fmt::format("{} {} {}\n", t.x(), t.y(), t.z());
-    for (int row = 0; row < 3; ++row)
-      text += fmt::format("{} {} {}\n", r(row, 0), r(row, 1), r(row, 2));
-    text += fmt::format("{}\n1\n", kMarker);
+    files[kBegin + sensor.name + kEnd] =
+        RowsOf((pose.linear().transpose() * pose.translation()).transpose()) +
+        RowsOf(pose.linear()) + fmt::format("{}\n1\n", kMarker);
   }
   return files;
 }
@@ -89,10 +85,7 @@ Poses ReadLivescan(const Files& files) {
   Poses poses;
   for (const auto& [file, text] : files) {
     if (file.rfind(kBegin, 0) != 0) continue;
-    SensorPose pose;
-    pose.name = NameOf(file);
-    pose.structure_from_sensor = WorldFromCamera(text, file);
-    poses.push_back(std::move(pose));
+    poses.push_back({NameOf(file), WorldFromCamera(text, file)});
   }
   if (poses.empty()) throw DataError("the folder has no file calibration_SERIAL.txt");
   return poses;

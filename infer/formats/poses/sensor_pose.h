@@ -12,13 +12,13 @@ namespace volalign {
 struct SensorPose {
   std::string name;
   Pose structure_from_sensor = Pose::Identity();
-  std::optional<Intrinsics> intrinsics;  ///< to which the pose belongs, if known
-  std::optional<ColourCamera> colour;
-  std::string serial;  ///< of the device; may be empty
+  std::optional<Intrinsics> intrinsics = {};  ///< to which the pose belongs, if known
+  std::optional<ColourCamera> colour = {};
+  std::string serial = {};  ///< of the device; may be empty
   /// True depth = depth_gain * measured depth + depth_offset_m; the pose belongs to true depths.
   double depth_gain = 1, depth_offset_m = 0;
   /// Those of the capture, if known.
-  std::optional<Intrinsics> intrinsics_given = std::nullopt;
+  std::optional<Intrinsics> intrinsics_given = {};
 
   bool corrects_depth() const { return depth_gain != 1 || depth_offset_m != 0; }
 };

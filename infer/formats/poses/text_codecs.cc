@@ -48,6 +48,18 @@ std::vector<double> Numbers(const Line& line, std::size_t count, const std::stri
   return numbers;
 }
 
+/// The numbers of `rows` lines from `first` on.
+Eigen::MatrixXd MatrixOf(const std::vector<Line>& lines, std::size_t first, Eigen::Index rows,
+                         Eigen::Index cols, const std::string& name) {
+  Eigen::MatrixXd matrix(rows, cols);
+  for (Eigen::Index r = 0; r < rows; ++r) {
+    const std::vector<double> row =
+        Numbers(lines[first + static_cast<std::size_t>(r)], static_cast<std::size_t>(cols), name);
+    matrix.row(r) = Eigen::Map<const Eigen::RowVectorXd>(row.data(), cols);
+  }
+  return matrix;
+}
+
 /// "# sensor I NAME", the name in formats without names; these comments come first.
 std::string NameLine(std::size_t i, const std::string& name) {
   return fmt::format("# sensor {} {}\n", i, name);
@@ -106,6 +118,16 @@ Intrinsics CsvIntrinsics(const std::vector<double>& v, const std::string& place)
 
 }  // namespace
 
+std::string RowsOf(const Eigen::MatrixXd& matrix) {
+  std::string text;
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c)
+      text += fmt::format("{}{}", c > 0 ? " " : "", matrix(r, c));
+    text += "\n";
+  }
+  return text;
+}
+
 double ParseNumber(const std::string& word, const std::string& place) {
   const std::optional<double> value = NumberOf(word);
   if (!value) throw DataError(fmt::format("{}: \"{}\" is no number", place, Shortened(word)));
@@ -155,10 +177,8 @@ std::string WriteOpen3dLog(const Poses& poses, const FileFrame& frame) {
   for (std::size_t i = 0; i < poses.size(); ++i) text += NameLine(i, poses[i].name);
   text += DepthComments(poses);
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    text += fmt::format("{0} {0} {1}\n", i, i + 1);
-    const Eigen::Matrix4d m = poses[i].structure_from_sensor.matrix();
-    for (int r = 0; r < 4; ++r)
-      text += fmt::format("{} {} {} {}\n", m(r, 0), m(r, 1), m(r, 2), m(r, 3));
+    text +=
+        fmt::format("{0} {0} {1}\n", i, i + 1) + RowsOf(poses[i].structure_from_sensor.matrix());
   }
   return text;
 }
@@ -170,17 +190,10 @@ Poses ReadOpen3dLog(const std::string& text, const std::string& name) {
   Poses poses;
   for (std::size_t l = 0; l < lines.size(); l += 5) {
     Numbers(lines[l], 3, name);
-    Eigen::Matrix4d m;
-    for (std::size_t r = 0; r < 4; ++r) {
-      const std::vector<double> row = Numbers(lines[l + 1 + r], 4, name);
-      m.row(static_cast<Eigen::Index>(r)) = Eigen::Map<const Eigen::RowVector4d>(row.data());
-    }
+    const Eigen::MatrixXd m = MatrixOf(lines, l + 1, 4, 4, name);
     poses.push_back({NameOf(all, poses.size()),
                      PoseFromRotation(m.topLeftCorner<3, 3>(), m.topRightCorner<3, 1>(),
-                                      fmt::format("{}: line {}", name, lines[l].number)),
-                     {},
-                     {},
-                     {}});
+                                      fmt::format("{}: line {}", name, lines[l].number))});
   }
   ReadDepthComments(text, name, &poses);
   return poses;
@@ -209,10 +222,7 @@ Poses ReadTum(const std::string& text, const std::string& name) {
     const std::vector<double> v = Numbers(line, 8, name);
     poses.push_back({NameOf(all, poses.size()),
                      PoseFromQuaternion(v[7], v[4], v[5], v[6], {v[1], v[2], v[3]},
-                                        fmt::format("{}: line {}", name, line.number)),
-                     {},
-                     {},
-                     {}});
+                                        fmt::format("{}: line {}", name, line.number))});
   }
   ReadDepthComments(text, name, &poses);
   return poses;
@@ -257,10 +267,7 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
     while (fields.back().empty()) fields.pop_back();
     const std::vector<double> v = Numbers({lines[l].number, numbers}, fields.size() - 1, name);
     SensorPose pose{CsvText(fields[0]),
-                    PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, place),
-                    {},
-                    {},
-                    {}};
+                    PoseFromQuaternion(v[6], v[3], v[4], v[5], {v[0], v[1], v[2]}, place)};
     if (v.size() > 7) {
       if (v.size() < 13) throw DataError(place + ": intrinsics with gaps");
       pose.intrinsics = CsvIntrinsics(v, place);
@@ -274,12 +281,9 @@ Poses ReadCsv(const std::string& text, const std::string& name) {
 Files WriteVolumetricCapture(const Poses& poses, const FileFrame& /*frame*/) {
   Files files;
   for (const SensorPose& pose : poses) {
-    const Eigen::Matrix3d r = pose.structure_from_sensor.linear();
-    const Eigen::Vector3d t = 1000 * pose.structure_from_sensor.translation();
-    std::string& text = files[pose.name + kExtension];
-    for (int row = 0; row < 3; ++row)
-      text += fmt::format("{} {} {}\n", r(row, 0), r(row, 1), r(row, 2));
-    text += fmt::format("{} {} {}\n", t.x(), t.y(), t.z());
+    const Pose& of = pose.structure_from_sensor;
+    files[pose.name + kExtension] =
+        RowsOf(of.linear()) + RowsOf(1000 * of.translation().transpose());
   }
   return files;
 }
@@ -292,16 +296,9 @@ Poses ReadVolumetricCapture(const Files& files) {
     const std::vector<Line> lines = LinesOf(text);
     if (lines.size() != 4)
       throw DataError(fmt::format("{}: {} lines instead of 4", file, lines.size()));
-    Eigen::Matrix<double, 4, 3> m;
-    for (std::size_t r = 0; r < 4; ++r) {
-      const std::vector<double> row = Numbers(lines[r], 3, file);
-      m.row(static_cast<Eigen::Index>(r)) = Eigen::Map<const Eigen::RowVector3d>(row.data());
-    }
-    SensorPose pose;
-    pose.name = file.substr(0, end);
-    pose.structure_from_sensor =
-        PoseFromRotation(m.topRows<3>(), 1e-3 * m.row(3).transpose(), file);
-    poses.push_back(std::move(pose));
+    const Eigen::MatrixXd m = MatrixOf(lines, 0, 4, 3, file);
+    poses.push_back(
+        {file.substr(0, end), PoseFromRotation(m.topRows<3>(), 1e-3 * m.row(3).transpose(), file)});
   }
   if (poses.empty()) throw DataError("the folder has no file NAME.extrinsics");
   return poses;

@@ -272,16 +272,14 @@ Poses ReadRos(const std::string& text, const std::string& name) {
       const auto number = [](const YAML::Node& of, const char* key) {
         return of[key].as<double>();
       };
-      SensorPose pose;
-      pose.structure_from_sensor =
+      const Pose pose =
           PoseFromQuaternion(number(q, "w"), number(q, "x"), number(q, "y"), number(q, "z"),
                              {number(t, "x"), number(t, "y"), number(t, "z")}, place);
       for (const char* optical : {kDepthFrame, kColourFrame}) {
         const std::size_t end = child.rfind(optical);
         if (end != std::string::npos) child.resize(end);
       }
-      pose.name = child;
-      poses.push_back(std::move(pose));
+      poses.push_back({child, pose});
     }
     ReadDepthComments(text, name, &poses);
     return poses;
