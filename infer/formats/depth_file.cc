@@ -58,15 +58,12 @@ void CleanDepth(const std::string& name, StoredDepth* depth) {
   }
 }
 
-StoredDepth ReadStoredDepth(const std::filesystem::path& path) {
-  ReadBudget budget;
-  return ReadStoredDepth(path, &budget);
-}
-
 StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget) {
   using namespace formats_internal;
   const std::string name = path.string();
   const std::string bytes = ReadFile(path, kMaxImageBytes);
+  ReadBudget own;
+  if (!budget) budget = &own;
   budget->Open(path);
   StoredDepth depth;
   if (BeginsWith(bytes, "\x93NUMPY")) {

@@ -25,9 +25,8 @@ struct StoredDepth {
 /// and negative ones, are no measurement and become 0. Throws IoError. Throws DataError for
 /// anything else, for a truncated file, and if all measured values are negative (an axis that
 /// points backwards).
-StoredDepth ReadStoredDepth(const std::filesystem::path& path);
-/// The same, counted by `budget` before its pixels are unpacked.
-StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget);
+/// `budget`, if given, counts its bytes.
+StoredDepth ReadStoredDepth(const std::filesystem::path& path, ReadBudget* budget = nullptr);
 
 /// The size of its values in memory, bytes.
 std::uint64_t BytesOf(const StoredDepth& depth);

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <iterator>
 #include <vector>
 
 #include "core/base/error.h"
@@ -22,6 +20,7 @@ enum class KinectCamera { kDepth, kColour };
 /// A frame that is cut out of a chip, whole or binned, at (left, top), pixels.
 struct KinectMode {
   int width, height, chip_width, chip_height, left, top;
+  const char* kind = "";  ///< name in configs/intrinsics.yaml
 };
 
 /// "Rt" of a camera: the rotation row by row, and metres. Rt of every camera maps points of one
@@ -91,21 +90,33 @@ KinectMode ColourMode(const ImageSize& picture, const std::string& name) {
   return {picture.width, picture.height, picture.width, height, 0, (height - picture.height) / 2};
 }
 
-constexpr KinectMode kKinectModes[] = {{320, 288, 512, 512, 96, 90},
-                                       {640, 576, 1024, 1024, 192, 180},
-                                       {512, 512, 512, 512, 0, 0},
-                                       {1024, 1024, 1024, 1024, 0, 0}};
+constexpr KinectMode kDepthModes[] = {
+    {320, 288, 512, 512, 96, 90, "azure_kinect_nfov_binned"},
+    {640, 576, 1024, 1024, 192, 180, "azure_kinect_nfov_unbinned"},
+    {512, 512, 512, 512, 0, 0, "azure_kinect_wfov_binned"},
+    {1024, 1024, 1024, 1024, 0, 0, "azure_kinect_wfov_unbinned"}};
+
+/// Null for frames of another size.
+const KinectMode* ModeOf(const ImageSize& frame) {
+  for (const KinectMode& mode : kDepthModes) {
+    if (mode.width == frame.width && mode.height == frame.height) return &mode;
+  }
+  return nullptr;
+}
 
 }  // namespace
 
 namespace formats_internal {
 
+std::string KinectKind(const ImageSize& frame) {
+  const KinectMode* const mode = ModeOf(frame);
+  return mode ? mode->kind : "";
+}
+
 Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
                                  const ImageSize& frame) {
-  const auto* mode = std::find_if(
-      std::begin(kKinectModes), std::end(kKinectModes),
-      [&](const KinectMode& m) { return m.width == frame.width && m.height == frame.height; });
-  if (mode == std::end(kKinectModes)) {
+  const KinectMode* const mode = ModeOf(frame);
+  if (!mode) {
     throw DataError(fmt::format(
         "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
         "1024x1024), so that its raw calibration does not hold for this one",

@@ -21,6 +21,9 @@ ColourCamera ReadKinectColour(const std::filesystem::path& path);
 
 namespace formats_internal {
 
+/// The name in configs/intrinsics.yaml of the mode with depth frames of a size, or "".
+std::string KinectKind(const ImageSize& frame);
+
 /// The intrinsics of depth frames of a size, by a raw calibration (CalibrationInformation), of
 /// which the size names the mode. Throws DataError.
 Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,

@@ -137,13 +137,6 @@ std::string Calibration(const File& file) {
   return "";
 }
 
-std::string KinectKind(int width, int height) {
-  if (width == 320 && height == 288) return "azure_kinect_nfov_binned";
-  if (width == 640 && height == 576) return "azure_kinect_nfov_unbinned";
-  if (width == 512 && height == 512) return "azure_kinect_wfov_binned";
-  return width == 1024 && height == 1024 ? "azure_kinect_wfov_unbinned" : "";
-}
-
 /// None if the calibration does not have the colour camera's pose, because depth does not need it.
 std::optional<ColourCamera> Colour(const File& file, const std::string& calibration,
                                    const std::string& place) {
@@ -167,21 +160,14 @@ RecordedDepth Describe(const File& file, int track, const std::string& calibrati
   if (title == "DEPTH" || !calibration.empty() ||
       av_dict_get(file.context->metadata, "K4A_", nullptr, AV_DICT_IGNORE_SUFFIX)) {
     depth.device = "Azure Kinect";
-    depth.kind = KinectKind(size.width, size.height);
-    depth.depth_scale = kKinectUnit;
-    depth.depth_scale_stated = true;
-    depth.depth_scale_source = "the Azure Kinect's unit";
+    depth.kind = KinectKind(size);
+    depth.StateScale(kKinectUnit, "the Azure Kinect's unit");
   }
   depth.serial = Tag(file.context->metadata, "K4A_DEVICE_SERIAL_NUMBER");
   if (calibration.empty()) return depth;
   const std::string place = file.name + ": calibration.json";
-  try {
-    depth.intrinsics = ParseIntrinsicsText(calibration, place, size);
-    depth.intrinsics_source = "the attached calibration.json";
-    depth.intrinsics_stated = true;
-  } catch (const DataError& error) {
-    depth.intrinsics_problem = error.what();
-  }
+  depth.StateIntrinsics("the attached calibration.json",
+                        [&] { return ParseIntrinsicsText(calibration, place, size); });
   depth.colour = Colour(file, calibration, place);
   return depth;
 }

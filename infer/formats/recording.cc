@@ -76,13 +76,10 @@ std::vector<std::string> PartsOfRecording(const std::filesystem::path& folder) {
 
 bool IsRecording(const std::filesystem::path& path) { return KindOf(FirstBytes(path)) != nullptr; }
 
-std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames) {
-  ReadBudget budget;
-  return ReadRecording(path, max_frames, &budget);
-}
-
 std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames,
                                          ReadBudget* budget) {
+  ReadBudget own;
+  if (!budget) budget = &own;
   const std::string name = path.string();
   const std::string bytes = FirstBytes(path);
   if (bytes.empty() && IsPacked(path))

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/geometry/camera.h"
 #include "infer/formats/depth_file.h"
 #include "infer/formats/read_budget.h"
@@ -30,6 +31,25 @@ struct RecordedDepth {
   std::optional<ColourCamera> colour;  ///< if the recording has its pose
   std::vector<StoredDepth> frames;
   std::string problem;  ///< why its frames cannot be read; `frames` is empty then
+
+  /// By the recording or for the device.
+  void StateScale(double metres, const std::string& source) {
+    depth_scale = metres;
+    depth_scale_source = source;
+    depth_scale_stated = true;
+  }
+  /// Takes the intrinsics that `read` returns as those of a calibration, or says why there are none
+  /// if it throws DataError.
+  template <class Read>
+  void StateIntrinsics(const std::string& source, const Read& read) {
+    try {
+      intrinsics = read();
+      intrinsics_source = source;
+      intrinsics_stated = true;
+    } catch (const DataError& error) {
+      intrinsics_problem = error.what();
+    }
+  }
 };
 
 /// Number of frames of a capture, if nobody gives it.
@@ -62,8 +82,7 @@ bool IsRecording(const std::filesystem::path& path);
 /// Throws DataError if the file is damaged, costs more than `budget`, or has no depth stream with a
 /// readable frame.
 std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames,
-                                         ReadBudget* budget);
-std::vector<RecordedDepth> ReadRecording(const std::filesystem::path& path, int max_frames);
+                                         ReadBudget* budget = nullptr);
 
 namespace formats_internal {
 

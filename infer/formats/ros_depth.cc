@@ -165,30 +165,24 @@ void SetIntrinsics(const RosContent& content, const std::string& name, RosStream
   const auto& [topic, info] = *camera;
   const std::string place = fmt::format("{}: {}", name, Shortened(topic));
   const Image<float>& image = stream->frames.front().values;
-  try {
-    const Intrinsics intrinsics = IntrinsicsOf(info, stream->stream, place);
+  stream->StateIntrinsics(topic, [&, &of = info] {
+    Intrinsics intrinsics = IntrinsicsOf(of, stream->stream, place);
     if (intrinsics.width != image.width() || intrinsics.height != image.height()) {
       throw DataError(fmt::format("{} is for {}x{}, the images are {}x{}", place, intrinsics.width,
                                   intrinsics.height, image.width(), image.height()));
     }
-    stream->intrinsics = intrinsics;
-    stream->intrinsics_source = topic;
-    stream->intrinsics_stated = info.raw.fx != 0;
-  } catch (const DataError& error) {
-    stream->intrinsics_problem = error.what();
-  }
+    return intrinsics;
+  });
+  if (info.raw.fx == 0) stream->intrinsics_stated = false;
   stream->colour = ColourOf(content, stream->stream, info.frame, name);
 }
 
 void Describe(const RosContent& content, const std::string& name, RosStream* stream) {
   SetIntrinsics(content, name, stream);
   if (const double* unit = Nearest(content.units, stream->stream)) {
-    const double written = AsWritten(*unit);
+    stream->StateScale(AsWritten(*unit), "the recording's option Depth Units");
     // An impossible unit leaves no scale: the capture has to give it.
-    stream->depth_scale.reset();
-    if (written > 0) stream->depth_scale = written;
-    stream->depth_scale_source = "the recording's option Depth Units";
-    stream->depth_scale_stated = true;
+    if (!(*stream->depth_scale > 0)) stream->depth_scale.reset();
   } else {
     stream->depth_scale = stream->depth_scale.value_or(kMillimetre);
     stream->depth_scale_source = "ROS's convention for depth images (REP 118)";
@@ -212,27 +206,20 @@ void DescribeOrbbec(const RosContent& content, const std::string& name, Recorded
   if (device != content.devices.end()) stream->device = device->second.at("name");
   stream->kind = KindOfDevice(stream->device);
   if (Lower(stream->device).find("femto") != std::string::npos) {
-    stream->depth_scale = kMillimetre;
-    stream->depth_scale_stated = true;
-    stream->depth_scale_source = "the unit of the Femto sensors";
+    stream->StateScale(kMillimetre, "the unit of the Femto sensors");
   } else if (properties.unit && *properties.unit > 0 && std::isfinite(*properties.unit)) {
-    stream->depth_scale = AsWritten(*properties.unit);
-    stream->depth_scale_stated = true;
-    stream->depth_scale_source = "the depth unit among the device's recorded properties";
+    stream->StateScale(AsWritten(*properties.unit),
+                       "the depth unit among the device's recorded properties");
   }
   const auto profile = content.profiles.find(OrbbecStream(stream->stream));
   if (profile == content.profiles.end()) return;
   const std::string place = fmt::format("{}: {}", name, stream->stream);
-  try {
+  stream->StateIntrinsics("the stream's profile", [&] {
     if (!profile->second.lens.empty())
       throw DataError(fmt::format("{}: {}", place, profile->second.lens));
     RequireUsable(profile->second.intrinsics, place);
-    stream->intrinsics = profile->second.intrinsics;
-    stream->intrinsics_source = "the stream's profile";
-    stream->intrinsics_stated = true;
-  } catch (const DataError& error) {
-    stream->intrinsics_problem = error.what();
-  }
+    return profile->second.intrinsics;
+  });
   if (!profile->second.colour_from_stream) return;
   stream->colour = ColourCamera{*profile->second.colour_from_stream, std::nullopt};
   const auto colour = content.profiles.find(kOrbbecColour);
