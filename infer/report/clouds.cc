@@ -14,6 +14,7 @@
 #include "core/formats/gltf_parts.h"
 #include "core/geometry/visibility.h"
 #include "core/plot/picture.h"
+#include "infer/report/panels.h"
 #include "infer/view/sensor_view.h"
 
 namespace volalign {
@@ -33,17 +34,18 @@ void Append(std::string* bytes, T value) {
 
 }  // namespace
 
-std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure,
-                                        double max_radius) {
+std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure) {
   std::vector<AlignedPoint> points;
   if (!sensor.structure_from_sensor) return points;
   const SensorView view = Corrected(sensor.view, sensor.depth_gain, sensor.depth_offset_m);
+  const Image<float> residuals = SideResiduals(sensor, structure);
+  constexpr double kMostRadius = 3;  // m
   constexpr Rgb kBackground{150, 150, 150};
   for (int v = 0; v < view.height(); ++v) {
     for (int u = 0; u < view.width(); ++u) {
       if (!(view.depth(u, v) > 0)) continue;
       const Eigen::Vector3d p = *sensor.structure_from_sensor * view.Point(u, v);
-      if (std::hypot(p.x(), p.z()) > max_radius) continue;
+      if (std::hypot(p.x(), p.z()) > kMostRadius) continue;
       AlignedPoint point;
       point.p = p.cast<float>();
       point.label = sensor.segmentation.labels(u, v);
@@ -53,10 +55,7 @@ std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structu
       point.residual =
           static_cast<float>(side ? (structure.SideOfLabel(point.label).ClosestPoint(p) - p).norm()
                                   : DistanceToSurface(structure, p).distance);
-      if (side) {
-        const Side& named = structure.SideOfLabel(point.label);
-        point.side_residual = static_cast<float>(named.normal.dot(p - named.centre));
-      }
+      point.side_residual = residuals(u, v);
       points.push_back(point);
     }
   }

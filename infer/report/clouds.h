@@ -28,10 +28,9 @@ struct AlignedPoint {
   float side_residual = std::numeric_limits<float>::quiet_NaN();
 };
 
-/// Points of a sensor within `max_radius` m of the structure's vertical axis, with depths corrected
+/// Points of a sensor within 3 m of the structure's vertical axis, with depths corrected
 /// by its gain and offset. None without a pose.
-std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure,
-                                        double max_radius = 3.0);
+std::vector<AlignedPoint> AlignedPoints(const FrameResult& sensor, const Structure& structure);
 
 /// Writes binary little-endian PLY: x y z red green blue label confidence residual, in the world if
 /// there is one. Atomic. Throws IoError.

@@ -68,41 +68,43 @@ std::vector<AlignedPoint> CloudOf(const CaptureFiles& capture, const FrameResult
   return cloud;
 }
 
-/// `points`: most points in the report; 0 without one.
-FrameFiles WriteFrame(const std::filesystem::path& folder, const CaptureFiles& capture,
-                      const FrameResult& sensor, int turns, std::size_t points) {
-  const std::string png = sensor.name + ".png";
-  WritePng(capture.Path(folder, "labels", png), sensor.segmentation.labels);
-  WritePng(capture.Path(folder, "confidence", png),
-           ConfidenceImage(sensor.segmentation.confidence));
-  FramePanels panels = MakePanels(sensor, *capture.built, turns);
-  FrameFiles written;
-  written.picture = SensorPicture(sensor, panels, *capture.built, false);
-  WriteFileAtomically(capture.Path(folder, "pictures", png),
-                      EncodePalettePng(SensorPicture(sensor, panels, *capture.built, true)));
-  written.cloud = CloudOf(capture, sensor);
-  if (sensor.structure_from_sensor) {
-    WritePly(capture.Path(folder, kCloudFolder, sensor.name + ".ply"), written.cloud,
-             *capture.world);
-  }
-  if (points > 0) {
-    written.thinned = ThinCloud(written.cloud, points);
-    written.report = ReportFrameJson({sensor.name, std::move(panels), written.thinned});
-  }
-  return written;
-}
-
 int AllThreads() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
+
+/// Makes the frames' parts of the report of at most `points` points each (0: without one). With a
+/// `folder`, it also writes the frames' own files there and keeps their pictures and clouds.
+std::vector<FrameFiles> MakeFrames(const CaptureFiles& capture, std::size_t points,
+                                   const std::filesystem::path* folder = nullptr) {
+  const std::vector<FrameResult>& sensors = *capture.sensors;
+  const std::vector<int> turns = UprightTurnsOf(sensors);
+  std::vector<FrameFiles> frames(sensors.size());
+  ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
+    const FrameResult& sensor = sensors[i];
+    FramePanels panels = MakePanels(sensor, *capture.built, turns[i]);
+    std::vector<AlignedPoint> cloud = CloudOf(capture, sensor);
+    if (folder) {
+      const std::string png = sensor.name + ".png";
+      WritePng(capture.Path(*folder, "labels", png), sensor.segmentation.labels);
+      WritePng(capture.Path(*folder, "confidence", png),
+               ConfidenceImage(sensor.segmentation.confidence));
+      WriteFileAtomically(capture.Path(*folder, "pictures", png),
+                          EncodePalettePng(SensorPicture(sensor, panels, *capture.built, true)));
+      if (sensor.structure_from_sensor)
+        WritePly(capture.Path(*folder, kCloudFolder, sensor.name + ".ply"), cloud, *capture.world);
+      frames[i].picture = SensorPicture(sensor, panels, *capture.built, false);
+    }
+    if (points > 0) {
+      frames[i].thinned = ThinCloud(cloud, points);
+      frames[i].report = ReportFrameJson(sensor.name, panels, frames[i].thinned);
+    }
+    if (folder) frames[i].cloud = std::move(cloud);
+  });
+  return frames;
+}
 
 /// Returns the frames' parts of the report, without pictures and whole clouds.
 std::vector<FrameFiles> WriteCapture(const std::filesystem::path& folder,
                                      const CaptureFiles& capture, std::size_t points) {
-  const std::vector<FrameResult>& sensors = *capture.sensors;
-  const std::vector<int> turns = UprightTurnsOf(sensors);
-  std::vector<FrameFiles> written(sensors.size());
-  ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
-    written[i] = WriteFrame(folder, capture, sensors[i], turns[i], points);
-  });
+  std::vector<FrameFiles> written = MakeFrames(capture, points, &folder);
   std::vector<RgbImage> pictures;
   std::vector<AlignedPoint> merged;
   for (FrameFiles& files : written) {
@@ -133,25 +135,26 @@ ReportRig RigOf(const CalibrationResult& result, const std::vector<CaptureFiles>
   return rig;
 }
 
-void WriteReport(const std::filesystem::path& folder, const std::vector<CaptureFiles>& files,
+/// Writes the page, and rig.glb if it has a path.
+void WriteReport(const std::filesystem::path& page, const std::filesystem::path& rig_glb,
+                 const std::vector<CaptureFiles>& files,
                  std::vector<std::vector<FrameFiles>> written, const Extrinsics& extrinsics,
-                 const ReportRig& rig, const ReportRun& run) {
+                 const CalibrationResult& result, const ReportRun& run) {
   std::vector<ReportCapture> captures;
   std::vector<Structure> structures;
   std::vector<RigCloud> clouds;
   for (std::size_t s = 0; s < files.size(); ++s) {
-    ReportCapture capture{files[s].name, *files[s].built, {}};
+    structures.push_back(*files[s].built);
+    captures.push_back({files[s].name, *files[s].built, {}});
     for (std::size_t i = 0; i < written[s].size(); ++i) {
       FrameFiles& frame = written[s][i];
-      capture.frames.push_back(std::move(frame.report));
+      captures.back().frames.push_back(std::move(frame.report));
       clouds.push_back({(*files[s].sensors)[i].name, files[s].name, std::move(frame.thinned)});
     }
-    structures.push_back(capture.built);
-    captures.push_back(std::move(capture));
   }
-  WriteRigGlb(folder / kRigFile, extrinsics, structures, clouds);
-  WriteFileAtomically(folder / kReportFile,
-                      ReportPage(ReportPayload(extrinsics, captures, rig, run)));
+  if (!rig_glb.empty()) WriteRigGlb(rig_glb, extrinsics, structures, clouds);
+  WriteFileAtomically(page,
+                      ReportPage(ReportPayload(extrinsics, captures, RigOf(result, files), run)));
 }
 
 std::vector<CaptureFiles> NameCaptures(const Calibration& calibration) {
@@ -253,23 +256,12 @@ Extrinsics MakeExtrinsics(const Calibration& calibration) {
 
 void WriteReportPage(const std::filesystem::path& path, const Calibration& calibration,
                      const ReportRun& run) {
-  const CalibrationResult& result = calibration.result;
   const std::vector<CaptureFiles> files = NameCaptures(calibration);
-  const std::size_t points = ReportPointsAFrame(files);
-  std::vector<ReportCapture> shown;
-  for (const CaptureFiles& capture : files) {
-    const std::vector<FrameResult>& sensors = *capture.sensors;
-    const std::vector<int> turns = UprightTurnsOf(sensors);
-    std::vector<nlohmann::ordered_json> frames(sensors.size());
-    ParallelFor(sensors.size(), AllThreads(), [&](std::size_t i) {
-      frames[i] =
-          ReportFrameJson({sensors[i].name, MakePanels(sensors[i], *capture.built, turns[i]),
-                           ThinCloud(CloudOf(capture, sensors[i]), points)});
-    });
-    shown.push_back({capture.name, *capture.built, std::move(frames)});
-  }
-  WriteFileAtomically(path, ReportPage(ReportPayload(MakeExtrinsics(calibration), shown,
-                                                     RigOf(result, files), run)));
+  std::vector<std::vector<FrameFiles>> frames;
+  for (const CaptureFiles& capture : files)
+    frames.push_back(MakeFrames(capture, ReportPointsAFrame(files)));
+  WriteReport(path, "", files, std::move(frames), MakeExtrinsics(calibration), calibration.result,
+              run);
 }
 
 void WriteCalibration(const ResultFolder& folder, const Calibration& calibration,
@@ -282,8 +274,8 @@ void WriteCalibration(const ResultFolder& folder, const Calibration& calibration
     written.push_back(WriteCapture(folder.draft(), capture, points));
   const Extrinsics extrinsics = MakeExtrinsics(calibration);
   if (report)
-    WriteReport(folder.draft(), files, std::move(written), extrinsics,
-                RigOf(calibration.result, files), *report);
+    WriteReport(folder.draft() / kReportFile, folder.draft() / kRigFile, files, std::move(written),
+                extrinsics, calibration.result, *report);
   WriteExtrinsics(folder.draft() / kExtrinsicsFile, extrinsics);
   folder.Publish(kExtrinsicsFile, OutdatedFiles(folder.dir(), files, report.has_value()));
 }

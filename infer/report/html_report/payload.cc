@@ -176,11 +176,11 @@ std::vector<std::string> Lines(const std::string& text) {
 
 }  // namespace
 
-Json ReportFrameJson(const ReportFrame& frame) {
-  const FramePanels& panels = frame.panels;
-  Json json = {{"sensor", frame.sensor},          {"width", panels.depth.width()},
-               {"height", panels.depth.height()}, {"near_m", panels.near_m},
-               {"far_m", panels.far_m},           {"labels", panels.shown_labels}};
+Json ReportFrameJson(const std::string& sensor, const FramePanels& panels,
+                     const std::vector<AlignedPoint>& points) {
+  Json json = {
+      {"sensor", sensor},        {"width", panels.depth.width()}, {"height", panels.depth.height()},
+      {"near_m", panels.near_m}, {"far_m", panels.far_m},         {"labels", panels.shown_labels}};
   Json& pictures = json["pictures"] = Json::object();
   pictures["depth"] = PngDataUri(panels.depth);
   pictures["labels"] = PngDataUri(panels.labels);
@@ -193,8 +193,8 @@ Json ReportFrameJson(const ReportFrame& frame) {
                      {"mean_m", side.mean_m},
                      {"rms_m", side.rms_m}});
   }
-  if (!frame.cloud.empty()) {
-    EncodedCloud cloud = EncodeCloud(frame.cloud);
+  if (!points.empty()) {
+    EncodedCloud cloud = EncodeCloud(points);
     json["cloud"] = {{"count", cloud.count},
                      {"positions", std::move(cloud.positions)},
                      {"labels", std::move(cloud.labels)},

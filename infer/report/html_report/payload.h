@@ -35,13 +35,6 @@ EncodedCloud EncodeCloud(const std::vector<AlignedPoint>& points);
 /// Takes at most `most` of the points, evenly. Points with a label come first, up to six tenths.
 std::vector<AlignedPoint> ThinCloud(const std::vector<AlignedPoint>& points, std::size_t most);
 
-/// A frame's pictures and its cloud for the report.
-struct ReportFrame {
-  std::string sensor;
-  FramePanels panels;
-  std::vector<AlignedPoint> cloud;  ///< thinned, in the structure frame of the first capture
-};
-
 /// One capture: the structure as found, and its frames as JSON (ReportFrameJson).
 struct ReportCapture {
   std::string name;
@@ -59,8 +52,10 @@ struct ReportRun {
   std::vector<std::string> checked = {};
 };
 
-/// A frame's part of the payload. It encodes pictures, so call it for several frames in parallel.
-nlohmann::ordered_json ReportFrameJson(const ReportFrame& frame);
+/// A frame's part of the payload. `cloud`: thinned, in the structure frame of the first capture. It
+/// encodes pictures, so call it for several frames in parallel.
+nlohmann::ordered_json ReportFrameJson(const std::string& sensor, const FramePanels& panels,
+                                       const std::vector<AlignedPoint>& cloud);
 
 /// The page's content on the rig as a whole.
 struct ReportRig {

@@ -492,7 +492,7 @@ TEST_F(ExportTest, ResidualsAreDistancesToTheSideThatALabelNames) {
   ASSERT_EQ(left.name, "left");
   const auto label = static_cast<std::uint8_t>(LabelOf(rig_.structure, "top/front"));
   for (std::uint8_t& of : left.segmentation.labels) of = label;
-  const std::vector<AlignedPoint> points = AlignedPoints(left, rig_.structure, 2);
+  const std::vector<AlignedPoint> points = AlignedPoints(left, rig_.structure);
   ASSERT_GT(points.size(), 20000u);
   const Side& side = rig_.structure.SideOfLabel(label);
   for (std::size_t i = 0; i < points.size(); i += 101) {
