@@ -140,7 +140,6 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
                               double min_overlap) {
   const Cloud model = ModelCloud(structure);
   const KdTree model_tree(model.points);
-  const int count = static_cast<int>(views.size());
   std::vector<Pose> poses;
   std::vector<Cloud> clouds;
   for (const GraphFrame& view : views) {
@@ -148,43 +147,34 @@ std::vector<Pose> RefineGraph(const Structure& structure, const std::vector<Grap
     clouds.push_back(ViewCloud(view, structure));
   }
   const double cosine = std::cos(kMaxNormalAngle);
-  std::vector<std::pair<int, int>> edges;
-  for (int round = 0; round < kIterations && count > 0; ++round) {
+  std::vector<std::pair<std::size_t, std::size_t>> edges;
+  for (int round = 0; round < kIterations && !views.empty(); ++round) {
     const double at = round / (kIterations - 1.0);
     const Gate gate{kFirstDistance * std::pow(kLastDistance / kFirstDistance, at), cosine};
     std::vector<Cloud> moved;
     std::vector<KdTree> trees;
-    for (int i = 0; i < count; ++i) {
-      moved.push_back(
-          Moved(clouds[static_cast<std::size_t>(i)], poses[static_cast<std::size_t>(i)]));
+    for (std::size_t i = 0; i < views.size(); ++i) {
+      moved.push_back(Moved(clouds[i], poses[i]));
       trees.emplace_back(moved.back().points);
     }
-    const auto matches = [&](int i, int j) {
-      return FindMatches(moved[static_cast<std::size_t>(i)], moved[static_cast<std::size_t>(j)],
-                         trees[static_cast<std::size_t>(j)], gate);
+    const auto matches = [&](std::size_t i, std::size_t j) {
+      return FindMatches(moved[i], moved[j], trees[j], gate);
     };
-    if (round == 0) {
-      for (int i = 0; i < count; ++i) {
-        for (int j = 0; j < count; ++j) {
-          if (i == j) continue;
-          const auto points =
-              static_cast<double>(clouds[static_cast<std::size_t>(i)].points.size());
-          if (static_cast<double>(matches(i, j).size()) > min_overlap * points)
-            edges.emplace_back(i, j);
-        }
+    for (std::size_t i = 0; round == 0 && i < views.size(); ++i) {
+      const double least = min_overlap * static_cast<double>(clouds[i].points.size());
+      for (std::size_t j = 0; j < views.size(); ++j) {
+        if (i != j && static_cast<double>(matches(i, j).size()) > least) edges.emplace_back(i, j);
       }
     }
     Equations equations(views.size());
-    for (int i = 0; i < count; ++i) {
-      equations.Add(FindMatches(moved[static_cast<std::size_t>(i)], model, model_tree, gate), i,
+    for (std::size_t i = 0; i < views.size(); ++i)
+      equations.Add(FindMatches(moved[i], model, model_tree, gate), static_cast<Eigen::Index>(i),
                     -1);
-    }
-    for (const auto& [i, j] : edges) equations.Add(matches(i, j), i, j);
+    for (const auto& [i, j] : edges)
+      equations.Add(matches(i, j), static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
     const Eigen::VectorXd step = equations.Solve();
-    for (int i = 0; i < count; ++i) {
-      Pose& pose = poses[static_cast<std::size_t>(i)];
-      pose = PerturbLeft(step.segment<6>(Eigen::Index{6} * i), pose);
-    }
+    for (std::size_t i = 0; i < views.size(); ++i)
+      poses[i] = PerturbLeft(step.segment<6>(static_cast<Eigen::Index>(6 * i)), poses[i]);
   }
   return poses;
 }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "core/base/file_util.h"
+#include "core/base/lists.h"
 #include "core/base/parallel_for.h"
 #include "core/config/config.h"
 #include "infer/evaluate/suite/markers.h"
@@ -121,12 +122,7 @@ std::vector<SuiteItem> SuiteItems(const SuiteDataset& dataset, const Structure& 
     items.push_back({dataset.name, "recordings", fmt::format("recording_{}", k + 1), std::nullopt,
                      CaptureItem(dataset.captures[k], structure)});
   }
-  const auto wanted = static_cast<std::size_t>(most);
-  if (most <= 0 || items.size() <= wanted) return items;
-  std::vector<SuiteItem> some;
-  for (std::size_t k = 0; k < wanted; ++k)
-    some.push_back(std::move(items[k * items.size() / wanted]));
-  return some;
+  return most <= 0 ? items : EvenSubset(items, static_cast<std::size_t>(most));
 }
 
 bool Applies(const SuiteMethod& method, const SuiteItem& item) {
