@@ -29,22 +29,15 @@ RgbImage SheetPicture(const std::string& name, const DepthImage& clean, const De
   const auto upright = [&](const RgbImage& picture, const char* what) {
     return Captioned(Turn(picture, turns), name + " " + what);
   };
-  return Shelves(
-      {upright(ColourSheetDepth(clean), "exact"), upright(ColourSheetDepth(depth), "measured"),
-       upright(ColourLabels(labels), "labels")},
-      3);
-}
-
-RgbImage ColourSheetDepth(const DepthImage& depth) {
-  return ColourDepth(depth, kPictureNear, kPictureFar);
+  return Shelves({upright(ColourDepth(clean, kPictureNear, kPictureFar), "exact"),
+                  upright(ColourDepth(depth, kPictureNear, kPictureFar), "measured"),
+                  upright(ColourLabels(labels), "labels")},
+                 3);
 }
 
 void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures) {
-  WriteContactSheet(path, Shelves(pictures, pictures.size() > 3 ? 2 : 1));
-}
-
-void WriteContactSheet(const std::filesystem::path& path, const RgbImage& sheet) {
   constexpr int kMargin = 6, kWidest = 400;
+  const RgbImage sheet = Shelves(pictures, pictures.size() > 3 ? 2 : 1);
   RgbImage with_scale(sheet.width(), sheet.height() + kScaleHeight + kTextHeight + 3 * kMargin,
                       kPaper);
   for (int v = 0; v < sheet.height(); ++v) {

@@ -26,14 +26,8 @@ void WriteCapture(const std::filesystem::path& dir, const RigCapture& capture,
 RgbImage SheetPicture(const std::string& name, const DepthImage& clean, const DepthImage& depth,
                       const LabelImage& labels, const Pose& structure_from_sensor);
 
-/// Depth in the colours of contact sheets, from 0.5 to 6 m.
-RgbImage ColourSheetDepth(const DepthImage& depth);
-
-/// Writes a picture with the scale of these depths below it. Throws IoError.
-void WriteContactSheet(const std::filesystem::path& path, const RgbImage& sheet);
-
-/// The same for SheetPictures side by side, in rows as wide as two of them; up to three are in one
-/// row.
+/// Writes SheetPictures side by side, with the scale of their depths below them, in rows as wide as
+/// two of them. Up to three are in one row. Throws IoError.
 void WriteContactSheet(const std::filesystem::path& path, const std::vector<RgbImage>& pictures);
 
 }  // namespace volalign
