@@ -77,7 +77,7 @@ void DrawText(RgbImage* picture, int left, int top, const std::string& text, Rgb
   }
 }
 
-std::string Shortened(const std::string& text, int most) {
+std::string Ellipsized(const std::string& text, int most) {
   if (CountCharacters(text) <= most) return text;
   std::string shortened;
   int count = 0;
@@ -91,7 +91,7 @@ std::string Shortened(const std::string& text, int most) {
 RgbImage Captioned(const RgbImage& picture, const std::string& caption) {
   constexpr int kLine = kTextHeight + 2;
   RgbImage sheet(picture.width(), picture.height() + kLine, kPaper);
-  DrawText(&sheet, 1, 0, Shortened(caption, picture.width() / kTextWidth), kInk);
+  DrawText(&sheet, 1, 0, Ellipsized(caption, picture.width() / kTextWidth), kInk);
   for (int v = 0; v < picture.height(); ++v) {
     for (int u = 0; u < picture.width(); ++u) sheet(u, kLine + v) = picture(u, v);
   }

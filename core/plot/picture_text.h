@@ -24,7 +24,7 @@ int CountCharacters(const std::string& text);
 void DrawText(RgbImage* picture, int left, int top, const std::string& text, Rgb colour);
 
 /// The text, or its beginning and "..", if it has more than `most` characters.
-std::string Shortened(const std::string& text, int most);
+std::string Ellipsized(const std::string& text, int most);
 
 /// The picture below a line with this caption, shortened to its width.
 RgbImage Captioned(const RgbImage& picture, const std::string& caption);

@@ -253,13 +253,13 @@ RgbImage SensorPicture(const SensorOutcome& sensor, const FramePanels& panels,
   const int top = kMargin + 2 * kLine;
   RgbImage picture(row.width() + 2 * kMargin, top + height + 4 + kScaleBlock, kPaper);
   DrawText(&picture, kMargin, kMargin - 2,
-           Shortened(Title(sensor), (picture.width() - 2 * kMargin) / kTextWidth), kInk);
+           Ellipsized(Title(sensor), (picture.width() - 2 * kMargin) / kTextWidth), kInk);
   for (int v = 0; v < height; ++v) {
     for (int u = 0; u < row.width(); ++u) picture(kMargin + u, top + v) = row(u, v);
   }
   for (std::size_t i = 0; i < images.size(); ++i) {
     const int left = kMargin + static_cast<int>(i) * (width + kGap);
-    DrawText(&picture, left, top - kLine, Shortened(all[i].second, width / kTextWidth), kFaint);
+    DrawText(&picture, left, top - kLine, Ellipsized(all[i].second, width / kTextWidth), kFaint);
     const int below = top + height + 4;
     if (i == 0) {
       DrawScale(&picture, left, below, width, DepthColour,

@@ -160,10 +160,10 @@ TEST(DrawText, WhatLiesOutsideIsLeftOut) {
   EXPECT_FALSE(picture(0, 0) == (Rgb{9, 9, 9}));
 }
 
-TEST(Shortened, EndsWithDotsOnlyWhereItIsTooLong) {
-  EXPECT_EQ(Shortened("abcdef", 6), "abcdef");
-  EXPECT_EQ(Shortened("abcdefg", 6), "abcd..");
-  EXPECT_EQ(Shortened("\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9", 3), "\xc3\xa9..");
+TEST(Ellipsized, EndsWithDotsOnlyWhereItIsTooLong) {
+  EXPECT_EQ(Ellipsized("abcdef", 6), "abcdef");
+  EXPECT_EQ(Ellipsized("abcdefg", 6), "abcd..");
+  EXPECT_EQ(Ellipsized("\xc3\xa9\xc3\xa9\xc3\xa9\xc3\xa9", 3), "\xc3\xa9..");
   EXPECT_EQ(CountCharacters("\xc3\xa9t\xc3\xa9"), 3);
 }
 
