@@ -181,7 +181,8 @@ void LosePixels(double share, std::uint64_t seed, std::uint64_t index, NoisyView
 }  // namespace
 
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
-                                         const InfraredRequest* infrared, const CountDone& count) {
+                                         const std::vector<MarkerPrint>* prints,
+                                         const CountDone& count) {
   if (!rig.turns_deg.empty()) {
     throw Error("RenderPlacements: a rig with turns_deg has several captures");
   }
@@ -240,10 +241,10 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
       sensor.labels = std::move(noisy.labels);
       sensor.depth_clean = std::move(view.depth);
       sensor.labels_clean = std::move(view.labels);
-      if (infrared) {
+      if (prints) {
         sensor.infrared_intrinsics = InfraredIntrinsics(sensor, pool);
-        sensor.infrared = RenderInfrared(mesh, built, infrared->prints, sensor.infrared_intrinsics,
-                                         sensor.structure_from_sensor, infrared->config, renderer,
+        sensor.infrared = RenderInfrared(mesh, built, *prints, sensor.infrared_intrinsics,
+                                         sensor.structure_from_sensor, InfraredConfig(), renderer,
                                          rig.seed, kRigIndex + k * kCaptureStride + i);
       }
       captures[k].sensors.push_back(std::move(sensor));

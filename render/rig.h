@@ -32,12 +32,6 @@ struct CapturedSensor {
   Intrinsics infrared_intrinsics;
 };
 
-/// Infrared pictures to take beside the depth maps.
-struct InfraredRequest {
-  std::vector<MarkerPrint> prints;
-  InfraredConfig config;
-};
-
 /// One capture of a rig.
 struct RigCapture {
   Structure structure;  ///< nominal
@@ -51,13 +45,13 @@ struct RigCapture {
 
 /// One capture of the first placement, and one of each further placement: the same sensors, with
 /// their device errors (Rig::device_errors), and the same room. Pixel noise, gaps and holes are
-/// drawn again. All sensors see the same structure; each has its own noise. `infrared`, if given,
-/// adds infrared pictures and changes nothing else. `count` receives the progress in frames. A pure
-/// function of the rig. Throws Error for a rig with turns_deg (core/geometry/rig.h, Turns). Throws
-/// ConfigError for a sensor that the pool lacks, an image size of another aspect ratio, or a
-/// placement in a tripod. Throws IoError or DataError.
+/// drawn again. All sensors see the same structure; each has its own noise. `prints`, if given,
+/// adds infrared pictures with these prints and changes nothing else. `count` receives the progress
+/// in frames. A pure function of the rig. Throws Error for a rig with turns_deg
+/// (core/geometry/rig.h, Turns). Throws ConfigError for a sensor that the pool lacks, an image size
+/// of another aspect ratio, or a placement in a tripod. Throws IoError or DataError.
 std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer,
-                                         const InfraredRequest* infrared = nullptr,
+                                         const std::vector<MarkerPrint>* prints = nullptr,
                                          const CountDone& count = nullptr);
 
 /// Draws `count` further placements for a rig, from its seed: uniform in a disc about the first, in

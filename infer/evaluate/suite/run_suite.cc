@@ -33,11 +33,11 @@ SuiteCapture LoadSuiteCapture(const SuiteItem& item, bool infrared, const SuiteR
                               std::unique_ptr<DepthRenderer>* renderer) {
   SuiteCapture capture;
   if (item.rig) {
-    InfraredRequest request;
-    if (infrared) request.prints = StructureMarkers(ReadStructure(item.rig->structure));
+    std::vector<MarkerPrint> prints;
+    if (infrared) prints = StructureMarkers(ReadStructure(item.rig->structure));
     if (!*renderer) *renderer = run.make_renderer();
     const std::vector<RigCapture> captures =
-        RenderPlacements(*item.rig, **renderer, infrared ? &request : nullptr);
+        RenderPlacements(*item.rig, **renderer, infrared ? &prints : nullptr);
     capture.evaluation = EvaluationCaptureOf(captures);
     for (const CapturedSensor& sensor : captures.front().sensors) {
       if (!infrared) break;
