@@ -25,14 +25,31 @@ ValuePlace ValuePlace::At(std::size_t index) const {
   return {fmt::format("{}[{}]", name, index), config};
 }
 
+namespace {
+
+/// Is the value, or the list of which it is an item, in the source?
+bool IsGiven(const ValuePlace& place) {
+  std::string name = place.name;
+  while (place.config->source.Find(name) == nullptr) {
+    if (name.empty() || name.back() != ']') return false;
+    name.resize(name.rfind('['));
+  }
+  return true;
+}
+
+std::string Message(const ValuePlace& place, const std::string& shown, const std::string& problem) {
+  const std::string text = fmt::format("{} = {} {}", Shortened(place.name), shown, problem);
+  if (place.config == nullptr) return text;
+  return fmt::format("{} ({})", text,
+                     IsGiven(place) ? place.config->source.WhereOf(place.name) : "default");
+}
+
+}  // namespace
+
 void ValuePlace::Fail(const std::string& shown, const std::string& problem) const {
-  const std::string text = fmt::format("{} = {} {}", Shortened(name), shown, problem);
-  if (config == nullptr) throw DataError(text);
-  std::string given = name;  // or the list of which it is an item
-  while (config->source.Find(given) == nullptr && given.back() == ']')
-    given.resize(given.rfind('['));
-  throw ConfigError(fmt::format(
-      "{} ({})", text, config->source.Find(given) ? config->source.WhereOf(name) : "default"));
+  const std::string message = Message(*this, shown, problem);
+  if (config == nullptr) throw DataError(message);
+  throw ConfigError(message);
 }
 
 namespace {
@@ -73,7 +90,9 @@ void ConfigKeys::RejectUnknown() const {
   for (const auto& [key, leaf] : source.Leaves()) {
     if (known.count(key)) continue;
     std::string hint;
-    if (const std::string nearest = NearestKey(key, names); !nearest.empty()) {
+    const std::string list = key.substr(0, key.find('['));
+    if (const std::string nearest = NearestKey(known.count(list) > 0 ? key : list, names);
+        !nearest.empty()) {
       hint = fmt::format("; did you mean '{}'?", nearest);
     } else if (const std::size_t dot = key.rfind('.'); dot != std::string::npos) {
       const std::string group = key.substr(0, dot);
@@ -178,7 +197,11 @@ void Check(const std::string& text, std::optional<double> number,
     if (number ? !constraint.number || constraint.number(*number)
                : !constraint.word || constraint.word(text))
       continue;
-    place.Fail(Shortened(text), fmt::format("violates {} {}", place.name, constraint.text));
+    const std::string problem = fmt::format("violates {} {}", place.name, constraint.text);
+    ConfigKeys* const config = place.config;
+    if (config == nullptr || !config->complete || IsGiven(place))
+      place.Fail(Shortened(text), problem);
+    if (config->missing.empty()) config->missing = Message(place, Shortened(text), problem);
   }
 }
 

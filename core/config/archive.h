@@ -91,10 +91,10 @@ struct ConfigKeys {
   const ConfigSource& source;
   bool complete = true;              ///< false: Required keys may be missing
   std::set<std::string> known = {};  ///< "train.lr"
-  std::string missing = "";          ///< about the first required key that is missing
+  std::string missing = "";          ///< about the first one without a default that is missing
 
-  /// Throws ConfigError for the first key of the source that no struct described, then for a
-  /// required one that is missing: it may be misspelled.
+  /// Throws ConfigError for the first key of the source that no struct described, as it may be
+  /// misspelled. Then for a missing one that is required, or whose default violates a constraint.
   void RejectUnknown() const;
 };
 

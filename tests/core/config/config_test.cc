@@ -135,6 +135,7 @@ TEST(ReadConfig, UnknownKeysNamePlaceAndNearestKey) {
   ExpectBad("lr: 1\n", {"'lr'", "did you mean 'train.lr'?"});  // the wrong level
   ExpectBad("sensors:\n  - {name: a}\n  - {nam: b}\n",
             {"'sensors[1].nam'", "a.yaml:3", "did you mean 'sensors[1].name'?"});
+  ExpectBad("sensers: [{name: a}]\n", {"'sensers[0].name'", "did you mean 'sensors'?"});
   ExpectBad("train: {batch: {size: 3}}\n",
             {"train.batch = {size: 3} is not a single value", "a.yaml:1"});
   ExpectBad("inherits: b.yaml\n", {"'inherits'"});  // only a file has a folder to look in
@@ -184,6 +185,23 @@ struct Renamed {
     ar("list", list, "list", FormerlyNamed("items"));
   }
 };
+
+struct NoDefault {
+  double reach = 0;
+  template <class Archive>
+  void Describe(Archive& ar) {
+    ar("reach", reach, "its default violates this", Above(0));
+  }
+};
+
+TEST(ReadConfig, AMisspeltKeyIsNamedBeforeADefaultThatMayNotStay) {
+  const auto expect = [](const char* yaml, std::initializer_list<std::string> parts) {
+    ExpectError<ConfigError>(
+        [&] { ReadConfig<NoDefault>(ConfigSource::FromString(yaml, "a.yaml")); }, parts);
+  };
+  expect("reech: 3\n", {"'reech' (a.yaml:1)", "did you mean 'reach'?"});
+  expect("", {"reach = 0 violates reach > 0 (default)"});
+}
 
 TEST(ReadConfig, AFormerNameIsReadWithAWarning) {
   ::testing::internal::CaptureStderr();
