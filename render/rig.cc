@@ -143,7 +143,8 @@ Intrinsics InfraredIntrinsics(const CapturedSensor& sensor,
 }
 
 /// A sensor without its images.
-CapturedSensor Device(const Rig& rig, std::size_t i, const std::vector<IntrinsicsPoolEntry>& pool) {
+CapturedSensor DrawSensor(const Rig& rig, std::size_t i,
+                          const std::vector<IntrinsicsPoolEntry>& pool) {
   const std::uint64_t index = kRigIndex + i;
   CapturedSensor sensor;
   sensor.name = rig.sensors[i].name;
@@ -193,7 +194,7 @@ std::vector<RigCapture> RenderPlacements(const Rig& rig, DepthRenderer& renderer
   const std::vector<BuiltPlacement> placements = BuildPlacements(rig, nominal);
   RigScene scene = BuildRigScene(rig, nominal, placements);
   std::vector<CapturedSensor> devices;
-  for (std::size_t i = 0; i < rig.sensors.size(); ++i) devices.push_back(Device(rig, i, pool));
+  for (std::size_t i = 0; i < rig.sensors.size(); ++i) devices.push_back(DrawSensor(rig, i, pool));
   AppendBoards(rig, placements[0].built.structure, devices, &scene);
   std::vector<RigCapture> captures;
   for (const BuiltPlacement& placement : placements) {

@@ -15,7 +15,8 @@ namespace {
 
 /// The parameters that move one observation: those of FrameColumns up to the size, its box's, and
 /// its side's bulge.
-constexpr int kOfBox = FrameColumns::kBoxes, kOfBulge = kOfBox + 3, kOfOne = kOfBulge + 1;
+constexpr int kOfBox = FrameColumns::kBoxes, kOfBulge = kOfBox + Eigen::Vector3d::RowsAtCompileTime,
+              kOfOne = kOfBulge + 1;
 
 template <class T>
 using Vector3 = Eigen::Matrix<T, 3, 1>;
