@@ -152,7 +152,7 @@ TEST(TrainConfig, KeysThatAreGoneAreReadWhereTheyHadNoEffect) {
   EXPECT_EQ(ReadSavedConfig("loss: {class_weights: []}\n", "old.state").run.samples, 3200000);
   EXPECT_EQ(ReadSavedConfig("data: {noise: {model: paper}}\n", "old.state").data.noise.models,
             std::vector<std::string>{"paper"});
-  SetError("optim.optimizer=sgd", "is none of adam, adamw");
+  SetError("optim.optimizer=sgd", "in {adam, adamw}");
   SetError("optim.schedule=cosine", "is none of constant, one_cycle");
 }
 
