@@ -204,7 +204,7 @@ class Libraries(InAPrefix):
             has_its_parts(os.path.join("sweep", f"recipe_optim.optimizer={optimizer}"), optimizer)
         self.assertIn("64", run("validate --model run/model.safetensors --samples 8"))
         run("evaluate --rig configs/rig_ring4.yaml --set-rig noise=[paper,quadratic] --model run/model.safetensors -o evaluation")
-        self.assertIn('noise: ["paper", "quadratic"]', of_work("evaluation", "rigs", "rig_ring4.yaml"))
+        self.assertIn('noise: ["paper", "quadratic"]', of_work("evaluation", "rigs", "ring4.yaml"))
         self.assertIn("run/model.safetensors", of_work("evaluation", "evaluation.json"))
         run("render --rig configs/rig_ring4.yaml --set noise=quadratic -o own")
         # So short a training need not place every sensor.
