@@ -149,8 +149,8 @@ CapturedSensor DrawSensor(const Rig& rig, std::size_t i,
   CapturedSensor sensor;
   sensor.name = rig.sensors[i].name;
   sensor.sensor = rig.sensors[i].sensor;
-  RequireNoiseModels("noise", rig.noise, sensor.sensor);
   sensor.stated_intrinsics = DrawIntrinsics(rig.sensors[i], pool, rig.intrinsics, rig.seed, index);
+  RequireNoiseModels("noise", rig.noise, sensor.sensor);
   sensor.intrinsics =
       Deviating(sensor.stated_intrinsics, 0.01 * rig.lens_spread_percent, rig.seed, index);
   if (!rig.state_lens) sensor.stated_intrinsics.distortion.clear();

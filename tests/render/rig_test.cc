@@ -501,7 +501,7 @@ TEST_F(RigTest, DrawnPlacementsFillTheDisc) {
 
 TEST_F(RigTest, NoiseIsAListOfModelsOrOneOfThem) {
   EXPECT_EQ(Parse("noise: paper\n" + kTwo).noise, std::vector<std::string>{"paper"});
-  ExpectBad("noise: [paper, nearer]\n" + kTwo, "noise = nearer");
+  ExpectBad("noise: [paper, nearer]\n" + kTwo, "noise[1] = nearer");
   RegisterNoiseModel("nearer", [](const NoiseInput& input, RandomStream&) {
     NoisyView seen{input.view.depth, input.view.labels};
     for (float& z : seen.depth) z *= 0.5F;
