@@ -1,134 +1,181 @@
 #include "infer/refine/residuals.h"
 
-#include <ceres/jet.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
-
-#include "core/geometry/structure.h"
+#include <vector>
 
 namespace volalign::refine_internal {
 
 namespace {
 
-/// The parameters that move one observation: those of FrameColumns up to the size, its box's, and
-/// its side's bulge.
-constexpr int kOfBox = FrameColumns::kBoxes, kOfBulge = kOfBox + Eigen::Vector3d::RowsAtCompileTime,
-              kOfOne = kOfBulge + 1;
+/// d (turn about the vertical by a) v / da, at a = 0.
+Eigen::Vector3d VerticalCross(const Eigen::Vector3d& v) { return {v.z(), 0, -v.x()}; }
 
-template <class T>
-using Vector3 = Eigen::Matrix<T, 3, 1>;
-
-/// A plane of a side's box: of the side, or through an edge and perpendicular to the side. It has
-/// this normal, lies `extent` outside of the side's centre, and moves with the box.
-template <class T>
+/// A plane of a box: of a side, or through an edge and perpendicular to the side. It moves with the
+/// box: normal . (p - centre) = (1 + growth) * half.
 struct MovedPlane {
-  MovedPlane(const BuildModel& model, const Side& side, const Eigen::Vector3d& direction,
-             double extent, const T* x) {
-    const Eigen::Vector3d centre = model.structure()
-                                       .boxes()[static_cast<std::size_t>(side.box)]
-                                       .structure_from_box.translation();
-    const T& growth = x[FrameColumns::kSize];
-    const T* const box = x + kOfBox;
-    const Vector3<T> moved(centre.x() + box[BuildModel::X(0)],
-                           centre.y() + growth * (centre.y() - model.floor()),
-                           centre.z() + box[BuildModel::Z(0)]);
-    normal = Eigen::AngleAxis<T>(box[BuildModel::Yaw(0)], Vector3<T>::UnitY()) *
-             Vector3<T>(direction.cast<T>());
-    offset = normal.dot(moved) + (1.0 + growth) * (direction.dot(side.centre - centre) + extent);
-  }
-  T Distance(const Vector3<T>& at) const { return normal.dot(at) - offset; }
-
-  Vector3<T> normal;
-  T offset;
+  Eigen::Vector3d normal, nominal_centre, centre;
+  double half, height;
+  int box;
 };
 
-/// A sensor, and the ray of unit depth to an observation at p. `lens`: that of the observations.
-template <class T>
-struct Sight {
-  Sight(const Eigen::Vector3d& p, const RayByLensMatrix& by_lens, const LensChange& lens,
-        const T* x)
-      : rotation(Eigen::Quaternion<T>(x).normalized().toRotationMatrix()),
-        translation(x[4], x[5], x[6]) {
-    Vector3<T> change = Eigen::Map<const Vector3<T>>(x + FrameColumns::kLens) - lens.cast<T>();
-    change[0] += x[FrameColumns::kErrors + kFocal];
-    focal_change = change[0];
-    Vector3<T> ray = (p / p.z()).cast<T>();
-    ray.template head<2>() += by_lens.cast<T>() * change;
-    turned = rotation * ray;
-  }
-  /// The point along the ray at this depth, structure frame.
-  Vector3<T> At(const T& depth) const { return depth * turned + translation; }
+/// One sensor at its parameters, and the structure as built by them.
+class Scene {
+ public:
+  /// `observed_lens`: the lens of the observations.
+  Scene(const BuildModel& model, const FrameParameters& parameters, const LensChange& observed_lens)
+      : model_(model),
+        parameters_(parameters),
+        lens_(Eigen::Map<const LensChange>(parameters.lens) - observed_lens +
+              parameters.errors[kFocal] * LensChange::UnitX()),
+        rotation_(Eigen::Quaterniond(parameters.pose).normalized().toRotationMatrix()),
+        translation_(Eigen::Map<const Eigen::Vector3d>(parameters.pose + 4)),
+        growth_(*parameters.build.size) {}
 
-  Eigen::Matrix<T, 3, 3> rotation;
-  Vector3<T> translation, turned;  // turned: the ray, structure frame
-  T focal_change;                  // of ln(focal length), from the lens of the observations
+  const Eigen::Matrix3d& rotation() const { return rotation_; }
+  const double* pose() const { return parameters_.pose; }
+  double error(int which) const { return parameters_.errors[which]; }
+  double gain() const { return 1 + error(kGain); }
+  /// Change of ln(focal length) from the lens of the observations.
+  double FocalChange() const { return lens_[0]; }
+  Eigen::Index columns() const { return FrameColumns::kBoxes + model_.size().parameters(); }
+  Eigen::Index ColumnOfBulge(int label) const {
+    return FrameColumns::kBoxes + Eigen::Index{3} * model_.size().boxes + BuildModel::Bulge(label);
+  }
+  double Bulge(const FaceObservation& face) const {
+    return face.bulge * parameters_.build.bulges[BuildModel::Bulge(face.label)];
+  }
+  const Side& SideOf(int label) const { return model_.structure().SideOfLabel(label); }
+  Eigen::Vector3d InStructure(const Eigen::Vector3d& p) const {
+    return rotation_ * p + translation_;
+  }
+
+  /// The ray of unit depth to an observation at p.
+  Eigen::Vector3d Ray(const Eigen::Vector3d& p, const RayByLensMatrix& by_lens) const {
+    Eigen::Vector3d ray = p / p.z();
+    ray.head<2>() += by_lens * lens_;
+    return ray;
+  }
+  /// Derivative of direction . R ray by the lens.
+  Eigen::RowVector3d ByLens(const Eigen::Vector3d& direction,
+                            const RayByLensMatrix& by_lens) const {
+    return direction.transpose() * rotation_.leftCols<2>() * by_lens;
+  }
+
+  /// The point along `ray`, of unit depth, at the true depth.
+  Eigen::Vector3d TruePoint(const FaceObservation& face, const Eigen::Vector3d& ray) const {
+    const Eigen::Map<const SensorErrorVector> errors(parameters_.errors);
+    return (face.p.z() + *parameters_.offset + face.by_errors.dot(errors)) * ray;
+  }
+
+  MovedPlane PlaneOf(const Side& side) const { return Moved(side, side.normal, 0); }
+  MovedPlane PlaneOfEdge(const Side& side, int edge) const {
+    const Border border = side.BorderAt(edge);
+    return Moved(side, border.outward, border.extent);
+  }
+
+  double Distance(const MovedPlane& plane, const Eigen::Vector3d& at) const {
+    return plane.normal.dot(at - plane.centre) - (1 + growth_) * plane.half;
+  }
+  /// Derivative of Distance(plane, R p + t), p fixed. at = R p + t.
+  Eigen::RowVectorXd Derivative(const MovedPlane& plane, const Eigen::Vector3d& p,
+                                const Eigen::Vector3d& at) const {
+    constexpr Eigen::Index kBoxes = FrameColumns::kBoxes;
+    Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(columns());
+    row.head<4>() = plane.normal.transpose() * RotatedPointJacobian(parameters_.pose, p);
+    row.segment<3>(4) = plane.normal.transpose();
+    row[FrameColumns::kSize] = -plane.normal.y() * plane.height - plane.half;
+    row[kBoxes + BuildModel::X(plane.box)] = -plane.normal.x();
+    row[kBoxes + BuildModel::Z(plane.box)] = -plane.normal.z();
+    row[kBoxes + BuildModel::Yaw(plane.box)] = VerticalCross(plane.normal).dot(at - plane.centre);
+    return row;
+  }
+
+ private:
+  /// The plane with this normal that lies `extent` outside of the side's centre.
+  MovedPlane Moved(const Side& side, const Eigen::Vector3d& direction, double extent) const {
+    const Box& box = model_.structure().boxes()[static_cast<std::size_t>(side.box)];
+    const double* boxes = parameters_.build.boxes;
+    MovedPlane plane;
+    plane.box = side.box;
+    plane.nominal_centre = box.structure_from_box.translation();
+    plane.height = plane.nominal_centre.y() - model_.floor();
+    plane.half = direction.dot(side.centre - plane.nominal_centre) + extent;
+    plane.normal =
+        Eigen::AngleAxisd(boxes[BuildModel::Yaw(side.box)], Eigen::Vector3d::UnitY()) * direction;
+    plane.centre = plane.nominal_centre + Eigen::Vector3d(boxes[BuildModel::X(side.box)],
+                                                          growth_ * plane.height,
+                                                          boxes[BuildModel::Z(side.box)]);
+    return plane;
+  }
+
+  const BuildModel& model_;
+  const FrameParameters& parameters_;
+  const LensChange lens_;  // from the lens of the observations
+  const Eigen::Matrix3d rotation_;
+  const Eigen::Vector3d translation_;
+  const double growth_;
 };
 
-/// Distance of a block of points to its side's plane, divided by the gain.
-template <class T>
-T Residual(const BuildModel& model, const FaceObservation& face, const LensChange& lens,
-           const T* x) {
-  const T* const errors = x + FrameColumns::kErrors;
-  T depth = face.p.z() + x[FrameColumns::kOffset];
-  for (int k = 0; k < kSensorErrors; ++k) depth += face.by_errors[k] * errors[k];
-  const Side& side = model.structure().SideOfLabel(face.label);
-  const T distance = MovedPlane<T>(model, side, side.normal, 0, x)
-                         .Distance(Sight<T>(face.p, face.by_lens, lens, x).At(depth));
-  return (distance - face.bulge * x[kOfBulge]) / (1.0 + errors[kGain]);
+/// Distance of a block of points to its side's plane, divided by the gain. `jacobian` may be null.
+double FaceResidual(const Scene& scene, const FaceObservation& face, Eigen::Index row,
+                    Eigen::MatrixXd* jacobian) {
+  const MovedPlane plane = scene.PlaneOf(scene.SideOf(face.label));
+  const Eigen::Vector3d ray = scene.Ray(face.p, face.by_lens);
+  const Eigen::Vector3d p = scene.TruePoint(face, ray), at = scene.InStructure(p);
+  const double distance = (scene.Distance(plane, at) - scene.Bulge(face)) / scene.gain();
+  if (jacobian) {
+    jacobian->row(row) = scene.Derivative(plane, p, at);
+    const double along = plane.normal.dot(scene.rotation() * ray);
+    (*jacobian)(row, FrameColumns::kOffset) = along;
+    jacobian->row(row).segment<kSensorErrors>(FrameColumns::kErrors) =
+        along * face.by_errors.transpose();
+    jacobian->row(row).segment<kLensParameters>(FrameColumns::kLens) =
+        p.z() * scene.ByLens(plane.normal, face.by_lens);
+    (*jacobian)(row, scene.ColumnOfBulge(face.label)) = -face.bulge;
+    jacobian->row(row) /= scene.gain();
+    (*jacobian)(row, FrameColumns::kErrors + kGain) -= distance / scene.gain();
+  }
+  return distance;
 }
 
 /// Distance of a silhouette from its edge. The silhouette's ray is extended to the side's plane, so
 /// its depth does not count. The length is scaled to the silhouette's measured depth and the lens
-/// of the observations.
-template <class T>
-T Residual(const BuildModel& model, const EdgeObservation& edge, const LensChange& lens,
-           const T* x) {
-  using std::exp;
-  const Side& side = model.structure().SideOfLabel(edge.label);
-  const Border border = side.BorderAt(edge.edge);
-  const MovedPlane<T> plane(model, side, side.normal, 0, x),
-      line(model, side, border.outward, border.extent, x);
-  const Sight<T> sight(edge.p, edge.by_lens, lens, x);
-  const Vector3<T> at = sight.At(T(edge.p.z()));
-  const T beyond = plane.Distance(at) / plane.normal.dot(sight.turned);
-  const T distance = line.Distance(at) - beyond * line.normal.dot(sight.turned);
-  const T scale = edge.p.z() / (edge.p.z() - beyond) * exp(sight.focal_change);
-  return scale * distance - edge.pixel * x[FrameColumns::kErrors + kEdgeShift + edge.axis];
-}
-
-/// Fills the rows of these observations from `row` on. `jacobian` may be null.
-template <class Observation>
-void FillRows(const BuildModel& model, const std::vector<Observation>& observations,
-              const LensChange& lens, const FrameParameters& parameters, Eigen::Index row,
-              Eigen::VectorXd* residuals, Eigen::MatrixXd* jacobian) {
-  using Jet = ceres::Jet<double, kOfOne>;
-  Eigen::Matrix<double, kOfOne, 1> x;
-  x << Eigen::Map<const Eigen::Matrix<double, 7, 1>>(parameters.pose), *parameters.offset,
-      Eigen::Map<const SensorErrorVector>(parameters.errors),
-      Eigen::Map<const LensChange>(parameters.lens), *parameters.build.size,
-      Eigen::Vector4d::Zero();
-  for (const Observation& observation : observations) {
-    const Eigen::Index box = BuildModel::X(model.structure().SideOfLabel(observation.label).box),
-                       bulge = BuildModel::Bulge(observation.label);
-    x.segment<3>(kOfBox) = Eigen::Map<const Eigen::Vector3d>(parameters.build.boxes + box);
-    x[kOfBulge] = parameters.build.bulges[bulge];
-    if (jacobian) {
-      std::array<Jet, kOfOne> jets;
-      for (int k = 0; k < kOfOne; ++k) jets[static_cast<std::size_t>(k)] = Jet(x[k], k);
-      const Jet residual = Residual(model, observation, lens, jets.data());
-      (*residuals)[row] = residual.a;
-      jacobian->row(row).head<kOfBox>() = residual.v.head<kOfBox>();
-      jacobian->row(row).segment<3>(kOfBox + box) = residual.v.segment<3>(kOfBox);
-      (*jacobian)(row, kOfBox + Eigen::Index{3} * model.size().boxes + bulge) =
-          residual.v[kOfBulge];
-    } else {
-      (*residuals)[row] = Residual(model, observation, lens, x.data());
-    }
-    ++row;
+/// of the observations. `jacobian` may be null.
+double EdgeResidual(const Scene& scene, const EdgeObservation& edge, Eigen::Index row,
+                    Eigen::MatrixXd* jacobian) {
+  const Side& side = scene.SideOf(edge.label);
+  const MovedPlane plane = scene.PlaneOf(side), line = scene.PlaneOfEdge(side, edge.edge);
+  const Eigen::Vector3d ray = scene.Ray(edge.p, edge.by_lens), p = edge.p.z() * ray;
+  const Eigen::Vector3d v = scene.rotation() * ray, at = scene.InStructure(p);
+  const double behind = scene.Distance(plane, at);
+  const double nv = plane.normal.dot(v), dv = line.normal.dot(v);
+  const double beyond = behind / nv;
+  const double distance = scene.Distance(line, at) - beyond * dv;
+  const double nearer = edge.p.z() / (edge.p.z() - beyond);
+  const double scale = nearer * std::exp(scene.FocalChange());
+  if (jacobian) {
+    constexpr Eigen::Index kLens = FrameColumns::kLens;
+    const auto of_distance = [&](const MovedPlane& of) {
+      Eigen::RowVectorXd by = scene.Derivative(of, p, at);
+      by.segment<kLensParameters>(kLens) = edge.p.z() * scene.ByLens(of.normal, edge.by_lens);
+      return by;
+    };
+    const auto of_slant = [&](const MovedPlane& of) {  // of.normal . v
+      Eigen::RowVectorXd by = Eigen::RowVectorXd::Zero(scene.columns());
+      by.head<4>() = of.normal.transpose() * RotatedPointJacobian(scene.pose(), ray);
+      by.segment<kLensParameters>(kLens) = scene.ByLens(of.normal, edge.by_lens);
+      by[FrameColumns::kBoxes + BuildModel::Yaw(of.box)] = VerticalCross(of.normal).dot(v);
+      return by;
+    };
+    const Eigen::RowVectorXd by_beyond = (of_distance(plane) - beyond * of_slant(plane)) / nv;
+    jacobian->row(row) = scale * (of_distance(line) - beyond * of_slant(line) +
+                                  (distance * nearer / edge.p.z() - dv) * by_beyond);
+    (*jacobian)(row, kLens) += scale * distance;
+    (*jacobian)(row, FrameColumns::kErrors + kEdgeShift + edge.axis) = -edge.pixel;
   }
+  return scale * distance - scene.error(kEdgeShift + edge.axis) * edge.pixel;
 }
 
 }  // namespace
@@ -136,12 +183,20 @@ void FillRows(const BuildModel& model, const std::vector<Observation>& observati
 void Residuals(const BuildModel& model, const FrameObservations& observed,
                const FrameParameters& parameters, Eigen::VectorXd* residuals,
                Eigen::MatrixXd* jacobian) {
-  const auto faces = static_cast<Eigen::Index>(observed.faces.size());
-  const Eigen::Index rows = faces + static_cast<Eigen::Index>(observed.edges.size());
+  const Scene scene(model, parameters, observed.lens);
+  const auto rows = static_cast<Eigen::Index>(observed.faces.size() + observed.edges.size());
   residuals->resize(rows);
-  if (jacobian) jacobian->setZero(rows, kOfBox + model.size().parameters());
-  FillRows(model, observed.faces, observed.lens, parameters, 0, residuals, jacobian);
-  FillRows(model, observed.edges, observed.lens, parameters, faces, residuals, jacobian);
+  if (jacobian) jacobian->setZero(rows, scene.columns());
+  Eigen::Index row = 0;
+  for (const FaceObservation& face : observed.faces) {
+    (*residuals)[row] = FaceResidual(scene, face, row, jacobian);
+    ++row;
+  }
+  for (const EdgeObservation& edge : observed.edges) {
+    (*residuals)[row] = EdgeResidual(scene, edge, row, jacobian);
+    ++row;
+  }
+  if (jacobian) jacobian->col(FrameColumns::kErrors + kFocal) = jacobian->col(FrameColumns::kLens);
 }
 
 void WhitenedResiduals(const BuildModel& model, const FrameObservations& observed,
