@@ -18,6 +18,7 @@
 #include "core/base/interrupt.h"
 #include "core/base/text.h"
 #include "render/egl/egl_context.h"
+#include "train/compute.h"
 
 namespace volalign {
 
@@ -122,6 +123,7 @@ int Run(int argc, char** argv) {
 int Main(int argc, char** argv) {
   KeepSoftwareRenderingOnOneThread();
   EndOnInterrupt();
+  KeepFreedMemory();
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond the limit fails with an error
   return Written(Run(argc, argv));
 }

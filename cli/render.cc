@@ -24,7 +24,6 @@
 #include "render/dataset.h"
 #include "render/rig.h"
 #include "render/sample.h"
-#include "train/compute.h"
 #include "train/run_inputs.h"
 #include "train/train_config.h"
 
@@ -173,7 +172,6 @@ int RunRender(const RenderOptions& options) {
     throw ConfigError(
         "render wants --rig RIG.yaml for a capture, or --config RECIPE.yaml for samples");
   }
-  KeepFreedMemory();
   const ConfigSource source =
       ReadSource(options.rig.empty() ? options.config : options.rig, options.assignments);
   const auto choose = [&](RendererKind kind) {

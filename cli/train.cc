@@ -82,14 +82,12 @@ int TrainOne(const TrainCommandOptions& options) {
   }
   ChooseThreads(options.run_dir, IdleProcessors(), world.store.empty() ? 1 : world.size, &config);
   SetTorchThreads(config.run.threads);
-  KeepFreedMemory();
   const TrainResult result = Train(config, train_options);
   return result.signal == 0 ? 0 : StatusOfSignal(result.signal);
 }
 
 int TrainMany(const TrainCommandOptions& options) {
   WaitPassively();
-  KeepFreedMemory();
   std::vector<SweepRun> runs =
       ExpandSweep(ReadSweep(ConfigSource::FromFile(options.sweep)), options.assignments);
   const std::filesystem::path dir = options.run_dir;

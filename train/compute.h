@@ -56,8 +56,8 @@ int IdleProcessors(const std::string& before, const std::string& after, int allo
 int WithinQuota(const std::string& cpu_max, int processors);
 
 /// From now on the process keeps the memory that it frees. Otherwise glibc returns large blocks to
-/// the system, which clears them again page by page. That takes a tenth of a training step, as its
-/// maps all have such blocks. Called by the program, as SetTorchThreads.
+/// the system, which clears them again page by page. That takes a tenth of a training step and of a
+/// calibration, as maps and images have such blocks. Called by the program, as SetTorchThreads.
 void KeepFreedMemory();
 
 /// From now on OpenMP's threads sleep while they wait for work, and OpenBLAS has no threads of its
