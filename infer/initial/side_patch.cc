@@ -76,16 +76,17 @@ const Eigen::Vector3d& Pick(const std::vector<Eigen::Vector3d>& points,
       from[static_cast<std::size_t>(random.Below(static_cast<int>(from.size())))])];
 }
 
-/// The points near a plane and within the side's diagonal of their own median.
+/// The points near a plane and within the side's diagonal of their own median. None if no more than
+/// `beaten` points are near the plane.
 std::vector<int> Inliers(const std::vector<Eigen::Vector3d>& points, const std::vector<int>& from,
                          const PatchLimits& limits, const Eigen::Vector3d& point,
-                         const Eigen::Vector3d& normal) {
+                         const Eigen::Vector3d& normal, std::size_t beaten = 0) {
   std::vector<int> near;
   for (const int i : from) {
     const Eigen::Vector3d& p = points[static_cast<std::size_t>(i)];
     if (std::abs(normal.dot(p - point)) <= limits.tolerance(p.z())) near.push_back(i);
   }
-  if (near.empty()) return near;
+  if (near.size() <= beaten) return {};
   Eigen::Vector3d median;
   for (int axis = 0; axis < 3; ++axis) {
     std::vector<double> values(near.size());
@@ -121,7 +122,7 @@ std::vector<int> FindPatch(const std::vector<Eigen::Vector3d>& points,
     if (longest > limits.diagonal || cross.norm() < kThinTriangle * longest * longest ||
         longest == 0)
       continue;
-    std::vector<int> inliers = Inliers(points, sample, limits, a, cross.normalized());
+    std::vector<int> inliers = Inliers(points, sample, limits, a, cross.normalized(), best.size());
     if (inliers.size() > best.size()) best = std::move(inliers);
   }
   for (int round = 0; round < kRounds && best.size() >= 3; ++round) {
