@@ -39,7 +39,7 @@ const std::map<std::string, std::string>& Examples() {
       {"runs compare", train + "volalign runs compare out --csv\n"},
       {"runs list", train + "volalign runs list out\n"},
       {"structure build", "volalign structure build configs/structure.yaml -o out/structure.glb\n"},
-      {"structure check", "volalign structure check configs/structure.yaml -o out/target.svg\n"},
+      {"structure check", "volalign structure check configs/structure.yaml\n"},
       {"structure sheet", "volalign structure sheet configs/structure.yaml -o out/build.svg\n"},
       {"structure show", "volalign structure show configs/structure.yaml\n"},
       {"structure suggest",

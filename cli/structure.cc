@@ -87,16 +87,12 @@ void Build(const std::string& file, const MeshUnits& units, const std::string& o
 
 #ifdef VOLALIGN_HAS_INFER
 void CheckStructure(const std::string& file, const TargetViewOptions& views,
-                    const std::string& picture, const TableOutput& output) {
+                    const TableOutput& output) {
   const Structure structure = ReadStructure(file);
   ProgressLine line;
   const TargetQuality quality = MeasureTarget(structure, views, line.Counter("views of the stack"));
   line.Stop();
   output.Print(FormatTarget(structure, quality), TargetTable(quality));
-  if (picture.empty()) return;
-  WriteFileAtomically(picture, TargetPicture(structure, quality));
-  SaveCommand(picture);
-  output.Say("written: " + picture);
 }
 
 void WriteSheet(const Structure& structure, const std::string& file, const TableOutput& output) {
@@ -130,7 +126,7 @@ void Suggest(const std::string& boxes, const std::string& file, const SuggestOpt
 
 Command AddStructureCommand(CLI::App& program) {
   struct Options {
-    std::string boxes, output, show, check, picture, up = ToString(MeshUp::kFormat);
+    std::string boxes, output, show, check, up = ToString(MeshUp::kFormat);
     MeshUnits units;
     TableOutput table;
 #ifdef VOLALIGN_HAS_INFER
@@ -185,7 +181,6 @@ Command AddStructureCommand(CLI::App& program) {
       ->check(CLI::PositiveNumber)
       // CLI11's own text of a list changes where LibTorch's operator<< for vectors is visible.
       ->default_str(fmt::format("[{}]", fmt::join(options->views.heights_m, ",")));
-  check->add_option("-o,--output", options->picture, "picture of the stack to write, SVG");
   options->table.AddOptions(check);
   CLI::App* sheet = app->add_subcommand(
       "sheet", "Draw how to build it: one A4 page to print, with every length in mm");
@@ -217,7 +212,7 @@ Command AddStructureCommand(CLI::App& program) {
   return {app, [=] {
 #ifdef VOLALIGN_HAS_INFER
             if (*check) {
-              CheckStructure(options->check, options->views, options->picture, options->table);
+              CheckStructure(options->check, options->views, options->table);
               return 0;
             }
             if (*sheet) {

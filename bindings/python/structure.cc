@@ -185,13 +185,6 @@ void AddTarget(py::module_& module) {
   py::class_<Target>(module, "Target", "How good a target a structure is; str() is a report.")
       .def_property_readonly("aliases", [](const Target& t) { return t.quality.symmetries; })
       .def_property_readonly("views", [](const Target& t) { return t.quality.views; })
-      .def("_repr_svg_", [](const Target& t) { return TargetPicture(t.structure, t.quality); })
-      .def(
-          "save_picture",
-          [](const Target& t, const Path& path) {
-            WriteFileAtomically(PathOf(path), TargetPicture(t.structure, t.quality));
-          },
-          py::arg("path"), "Writes an SVG. Raises IoError.")
       .def("__str__", [](const Target& t) { return FormatTarget(t.structure, t.quality); });
 }
 

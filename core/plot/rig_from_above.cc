@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/geometry/lens.h"
+#include "core/plot/svg.h"
 
 namespace volalign {
 
@@ -137,17 +138,18 @@ void DrawLegend(const Paper& paper, const LegendFromAbove& legend, bool has_elli
                         kMagnification));
 }
 
-}  // namespace
-
-void DrawFromAbove(const Box& part, const std::function<Svg::Point(const Eigen::Vector3d&)>& at,
-                   const std::string& css_class, Svg* svg) {
-  const auto place = [&](const Eigen::Vector3d& p) { return at(part.structure_from_box * p); };
+/// Draws a part from above: the upper side of a box, or the triangles of a mesh that face up, and
+/// their borders.
+void DrawPart(const Box& part, const Paper& paper, Svg* svg) {
+  const auto place = [&](const Eigen::Vector3d& p) {
+    return paper.At(part.structure_from_box * p);
+  };
   if (!part.mesh) {
     const Eigen::Vector3d half = part.size / 2;
     std::vector<Svg::Point> corners;
     for (const auto& [x, z] : {std::pair(-1, -1), {1, -1}, {1, 1}, {-1, 1}})
       corners.push_back(place({x * half.x(), half.y(), z * half.z()}));
-    return svg->Polygon(corners, fmt::format("class=\"{}\"", css_class), part.name);
+    return svg->Polygon(corners, "class=\"rig-box\"", part.name);
   }
   // One path each: surfaces one above another are not darker.
   std::string surface, borders;
@@ -177,18 +179,20 @@ void DrawFromAbove(const Box& part, const std::function<Svg::Point(const Eigen::
       add('L', end(border.to), &borders);
     }
   }
-  svg->Element("path",
-               fmt::format("class=\"{}\" style=\"stroke:none\" d=\"{}\"", css_class, surface));
-  svg->Element("path",
-               fmt::format("class=\"{}\" style=\"fill:none\" d=\"{}\"", css_class, borders));
+  svg->Element("path", fmt::format("class=\"rig-box\" style=\"stroke:none\" d=\"{}\"", surface));
+  svg->Element("path", fmt::format("class=\"rig-box\" style=\"fill:none\" d=\"{}\"", borders));
 }
 
-void DrawAxes(const Svg::Point& origin, double length, Svg* svg) {
-  const auto [x, y] = origin;
-  svg->Polyline({{x + length, y}, {x, y}, {x, y + length}}, "class=\"rig-axis\"");
-  svg->Text({x + length + 4, y + 4}, "x, front");
-  svg->Text({x - 4, y + length + 16}, "z, right");
+/// The structure's axes.
+void DrawAxes(const Paper& paper, Svg* svg) {
+  constexpr double kLength = 0.5 * kPixelsAMetre;
+  const auto [x, y] = paper.At(Eigen::Vector3d(Eigen::Vector3d::Zero()));
+  svg->Polyline({{x + kLength, y}, {x, y}, {x, y + kLength}}, "class=\"rig-axis\"");
+  svg->Text({x + kLength + 4, y + 4}, "x, front");
+  svg->Text({x - 4, y + kLength + 16}, "z, right");
 }
+
+}  // namespace
 
 std::string RigFromAbove(const Structure& structure, const std::vector<SensorFromAbove>& sensors,
                          const LegendFromAbove& legend) {
@@ -200,11 +204,8 @@ std::string RigFromAbove(const Structure& structure, const std::vector<SensorFro
           ".rig-axis{fill:none;stroke:#222;stroke-width:1.5}",
           (paper.width() - width) / 2);
   for (const SensorFromAbove& sensor : sensors) DrawView(sensor, paper, &svg);
-  for (const Box& part : structure.boxes()) {
-    DrawFromAbove(
-        part, [&](const Eigen::Vector3d& p) { return paper.At(p); }, "rig-box", &svg);
-  }
-  DrawAxes(paper.At(Eigen::Vector3d(Eigen::Vector3d::Zero())), 0.5 * kPixelsAMetre, &svg);
+  for (const Box& part : structure.boxes()) DrawPart(part, paper, &svg);
+  DrawAxes(paper, &svg);
   for (const SensorFromAbove& sensor : sensors) DrawSensor(sensor, paper, &svg);
   const bool has_ellipses =
       std::any_of(sensors.begin(), sensors.end(),

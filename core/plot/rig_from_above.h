@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,7 +8,6 @@
 #include "core/geometry/camera.h"
 #include "core/geometry/pose.h"
 #include "core/geometry/structure.h"
-#include "core/plot/svg.h"
 
 namespace volalign {
 
@@ -39,14 +37,5 @@ struct LegendFromAbove {
 /// that a page may contain it.
 std::string RigFromAbove(const Structure& structure, const std::vector<SensorFromAbove>& sensors,
                          const LegendFromAbove& legend);
-
-/// Draws a part from above: the upper side of a box, or the triangles of a mesh that face up, and
-/// their borders. `at`: the place of a point of the structure frame. `css_class` has fill and
-/// stroke.
-void DrawFromAbove(const Box& part, const std::function<Svg::Point(const Eigen::Vector3d&)>& at,
-                   const std::string& css_class, Svg* svg);
-
-/// The structure's axes from above, x to the right and z downwards, `length` px long.
-void DrawAxes(const Svg::Point& origin, double length, Svg* svg);
 
 }  // namespace volalign

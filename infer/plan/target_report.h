@@ -14,9 +14,4 @@ std::string FormatTarget(const Structure& structure, const TargetQuality& qualit
 /// Its table: one row per height of the sensors.
 Table TargetTable(const TargetQuality& quality);
 
-/// The same as an SVG. It has a cell for each view, direction by height, coloured by how well it
-/// fixes the sensor's position. Marks show views that fix no pose or that a symmetry shares. Beside
-/// them is the stack from above, with the directions.
-std::string TargetPicture(const Structure& structure, const TargetQuality& quality);
-
 }  // namespace volalign

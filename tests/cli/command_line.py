@@ -33,7 +33,7 @@ NAMES = (
 )
 # Sub-commands that write a result, run on threads, run a network, render.
 WITH = {
-    "-o,--output": "add, calibrate, check, convert, evaluate, export, init, plan, render, structure build, structure check, structure sheet, structure suggest, train, validate",
+    "-o,--output": "add, calibrate, check, convert, evaluate, export, init, plan, render, structure build, structure sheet, structure suggest, train, validate",
     "--threads": "add, calibrate, check, evaluate, plan, render, structure suggest, train, validate",
     "--device": "add, calibrate, check, evaluate, train, validate",
     "--egl-device": "evaluate, render",
@@ -304,7 +304,7 @@ class CommandLine(InAFolder):
         check = "check --capture capture/capture.json --extrinsics out/extrinsics.json"
         for command, rows, key in (
             ("structure show configs/structure.yaml", 20, "exposed_centroid_x_m"),
-            ("structure check configs/structure.yaml -o target.svg", 4, "weakest_worst_m"),
+            ("structure check configs/structure.yaml", 4, "weakest_worst_m"),
             ("plan configs/rig_ring4.yaml --trials 1 -o plan.svg", 4, "expected_m"),
             ("doctor", 9, "found"),
             ("calibrate --capture capture/capture.json -o out", 4, "error_m"),
@@ -406,8 +406,9 @@ class CommandLine(InAFolder):
         os.remove(self.path("ell.obj"))
         for command in ("show ell.yaml", "build ell.yaml -o ell.glb", "show ell.glb"):
             self.expect("structure " + command, 0, said, "ell/7")
-        self.expect("structure check ell.glb -o target.svg", 0, "ell: 1 part, 800 mm high", "written: target.svg")
-        self.assertIn('<path class="box"', self.read("target.svg"))
+        self.expect("structure check ell.glb", 0, "ell: 1 part, 800 mm high")
+        self.expect("plan configs/rig_ring4.yaml --set structure=ell.glb --trials 1 -o plan.svg", 0, "written: plan.svg")
+        self.assertIn('<path class="rig-box"', self.read("plan.svg"))
         self.expect("structure sheet ell.yaml -o sheet.svg", 1, "error: ell: only a stack of boxes has a build sheet")
         self.expect("structure build ell.yaml --mesh-scale 0.001 -o x.yaml", 1, "a scale and an axis are for a mesh")
         self.expect("structure build ell.yaml -o x.png", 1, "x.png: the file to write ends in .glb or .yaml")

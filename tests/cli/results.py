@@ -371,7 +371,7 @@ class Stopped(WithACapture):
                     "check --extrinsics calibration/extrinsics.json --capture capture/capture.json -o result",
                     "convert calibration/extrinsics.json --to colmap -o result", f"evaluate {MODEL} --rig rig.yaml --seeds 7 -o result",
                     "plan rig.yaml -o result.svg", "structure build configs/structure.yaml -o result.glb",
-                    "structure check configs/structure.yaml -o result.svg", f"validate {MODEL} --samples 16 -o result.json",
+                    "structure check configs/structure.yaml", f"validate {MODEL} --samples 16 -o result.json",
                     f"export {MODEL} --format onnx -o result.onnx", "config reference", "doctor"]
         said = {signal.SIGINT: "stopped by Ctrl-C (SIGINT)\n", signal.SIGTERM: "stopped by SIGTERM\n"}
         both = os.environ.get("VOLALIGN_LONG") == "1"

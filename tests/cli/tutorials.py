@@ -191,7 +191,7 @@ class Tutorials(InAFolder):
         # The model began with the shipped weights and has this stack.
         shown = self.run_command("volalign runs list runs")
         self.assertIn("my_boxes", shown)
-        self.expect_files("suggested.yaml", "build.svg", "target.svg", "plan.svg", "scores.json", "evaluated/evaluation.json", "rendered_out/report.html")
+        self.expect_files("suggested.yaml", "build.svg", "plan.svg", "scores.json", "evaluated/evaluation.json", "rendered_out/report.html")
 
     def write_recordings(self):
         """Of three Femto Bolts, in recordings/; returns their true poses."""
@@ -268,7 +268,7 @@ class Tutorials(InAFolder):
     def test_meshes(self):
         said, _, _, built = self.run_page("docs/meshes.md").values()
         self.assertNotIn("looks the same", said)
-        self.expect_files("target.svg", "workbench.yaml")
+        self.expect_files("workbench.yaml")
         self.expect_ok("out", 4)
         self.run_command("volalign structure show cell.yaml")
 

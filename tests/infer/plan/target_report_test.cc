@@ -42,13 +42,6 @@ TargetQuality Good() {
   return quality;
 }
 
-int Count(const std::string& text, const std::string& part) {
-  int count = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1))
-    ++count;
-  return count;
-}
-
 TEST(FormatTarget, SaysWhatSpeaksAgainstTheStack) {
   const std::string text = FormatTarget(OneBox(), Mixed());
   for (const char* part :
@@ -71,16 +64,6 @@ TEST(FormatTarget, SaysThatAStackIsGood) {
   const std::string text = FormatTarget(OneBox(), Good());
   EXPECT_TRUE(Has(text, "The stack has no symmetries.", "good: every view fits one pose"));
   EXPECT_FALSE(Has(text, "poor:"));
-}
-
-TEST(TargetPicture, MarksTheViewsThatFixNoPoseOrAreNotUnique) {
-  const std::string mixed = TargetPicture(OneBox(), Mixed()),
-                    good = TargetPicture(OneBox(), Good());
-  EXPECT_EQ(Count(mixed, ">×</text>"), 1);
-  EXPECT_EQ(Count(mixed, ">?</text>"), 1);  // the floor tells the other one
-  EXPECT_EQ(Count(good, ">×</text>") + Count(good, ">?</text>"), 0);
-  for (int i = 0; i < 4; ++i)
-    EXPECT_EQ(Count(good, "phi " + std::to_string(90 * i) + " deg, 1.00 m high"), 1) << i;
 }
 
 }  // namespace
