@@ -35,11 +35,10 @@ void Svg::Line(const Point& from, const Point& to, const std::string& attributes
                               from.y, to.x, to.y, attributes));
 }
 
-void Svg::Rectangle(const Point& corner, double width, double height, const std::string& attributes,
-                    const std::string& title) {
-  text_ += fmt::format("<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" {}",
-                       corner.x, corner.y, width, height, attributes);
-  Close("rect", title);
+void Svg::Rectangle(const Point& corner, double width, double height,
+                    const std::string& attributes) {
+  Element("rect", fmt::format("x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" {}",
+                              corner.x, corner.y, width, height, attributes));
 }
 
 void Svg::Circle(const Point& centre, double radius, const std::string& attributes) {
@@ -50,7 +49,7 @@ void Svg::Circle(const Point& centre, double radius, const std::string& attribut
 void Svg::Polygon(const std::vector<Point>& points, const std::string& attributes,
                   const std::string& title) {
   text_ += fmt::format("<polygon points=\"{}\" {}", Coordinates(points), attributes);
-  Close("polygon", title);
+  text_ += title.empty() ? "/>\n" : fmt::format("><title>{}</title></polygon>\n", Escaped(title));
 }
 
 void Svg::Polyline(const std::vector<Point>& points, const std::string& attributes) {
@@ -65,10 +64,6 @@ void Svg::Text(const Point& at, const std::string& text, const std::string& attr
 
 void Svg::Element(const std::string& name, const std::string& attributes) {
   text_ += fmt::format("<{} {}/>\n", name, attributes);
-}
-
-void Svg::Close(const std::string& name, const std::string& title) {
-  text_ += title.empty() ? "/>\n" : fmt::format("><title>{}</title></{}>\n", Escaped(title), name);
 }
 
 }  // namespace volalign

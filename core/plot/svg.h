@@ -18,8 +18,7 @@ class Svg {
   Svg(double width, double height, const std::string& css = "", double left = 0);
 
   void Line(const Point& from, const Point& to, const std::string& attributes);
-  void Rectangle(const Point& corner, double width, double height, const std::string& attributes,
-                 const std::string& title = "");
+  void Rectangle(const Point& corner, double width, double height, const std::string& attributes);
   void Circle(const Point& centre, double radius, const std::string& attributes);
   /// A closed polygon.
   void Polygon(const std::vector<Point>& points, const std::string& attributes,
@@ -33,8 +32,6 @@ class Svg {
   std::string Finished() const { return text_ + "</svg>\n"; }
 
  private:
-  void Close(const std::string& name, const std::string& title);
-
   std::string text_;
 };
 
