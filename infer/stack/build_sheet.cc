@@ -13,7 +13,8 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/geometry/visibility.h"
+#include "core/geometry/stack_faults.h"
+#include "core/plot/picture_text.h"
 #include "core/plot/svg.h"
 
 namespace volalign {
@@ -33,15 +34,9 @@ double SharedArea(const Eigen::AlignedBox3d& a, const Eigen::AlignedBox3d& b) {
 
 }  // namespace
 
-Eigen::AlignedBox3d Bounds(const Box& box) {
-  Eigen::AlignedBox3d bounds;
-  for (const Eigen::Vector3d& corner : box.Corners()) bounds.extend(corner);
-  return bounds;
-}
-
 std::vector<BuildStep> BuildSteps(const Structure& structure) {
   std::vector<Eigen::AlignedBox3d> bounds;
-  for (const Box& box : structure.boxes()) bounds.push_back(Bounds(box));
+  for (const Box& box : structure.boxes()) bounds.push_back(BoundsOf(box));
   std::vector<int> order(bounds.size());
   std::iota(order.begin(), order.end(), 0);
   const auto of = [&](int b) -> const Eigen::AlignedBox3d& {
@@ -83,8 +78,7 @@ namespace {
 
 constexpr double kWidth = 794, kHeight = 1123;  // px: A4 at the 96 px an inch of SVG
 constexpr double kMargin = 48;                  // px
-constexpr double kViewTop = 104, kViewBottom = 540, kLabelLeft = 516;    // px
-constexpr double kBackRight = 212, kFrontLeft = 296, kFrontRight = 480;  // px: views
+constexpr double kViewTop = 104, kViewBottom = 540, kBetweenViews = 96;  // px
 constexpr double kStepsTop = 572, kStepsBottom = 1026;                   // px
 constexpr double kFullCell = 240;  // px: cells of that size have text of the full size
 constexpr double kText = 11;       // px
@@ -105,13 +99,7 @@ std::string Millimetres(double metres) { return fmt::format("{:.0f}", metres * 1
 
 /// The text shortened to `px` at a size of `font` px.
 std::string Fitted(const std::string& text, double px, double font) {
-  const auto most = static_cast<std::size_t>(std::max(px / (kWidthOfText * font), 2.0));
-  std::size_t letters = 0, kept = 0;
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if ((static_cast<unsigned char>(text[i]) & 0xC0) == 0x80) continue;  // within a letter of UTF-8
-    if (++letters == most) kept = i;
-  }
-  return letters <= most ? text : text.substr(0, kept) + "…";
+  return Ellipsized(text, static_cast<int>(std::max(px / (kWidthOfText * font), 2.0)));
 }
 
 std::string Tint(std::size_t number, double light) {
@@ -159,7 +147,7 @@ struct FloorArrow {
 std::vector<FloorArrow> FloorArrows(const Structure& structure,
                                     const std::array<std::string, 2>& names) {
   Eigen::AlignedBox3d all;
-  for (const Box& box : structure.boxes()) all.extend(Bounds(box));
+  for (const Box& box : structure.boxes()) all.extend(BoundsOf(box));
   const double y = structure.FloorHeight();
   const Eigen::Vector3d front(all.max().x() + 0.3 * kArrow, y, all.center().z());
   const Eigen::Vector3d right(all.center().x(), y, all.max().z() + 0.3 * kArrow);
@@ -217,53 +205,20 @@ std::vector<std::size_t> BackToFront(const std::vector<Eigen::AlignedBox3d>& bou
   return order;
 }
 
-/// The visible point of the box nearest to the middle of its visible points; none for a hidden box.
-std::optional<Eigen::Vector3d> Anchor(const Structure& structure, int box) {
-  constexpr int kGrid = 9;
-  std::vector<Eigen::Vector3d> seen;
-  for (const Side& side : structure.sides()) {
-    if (side.box != box || side.normal.dot(IsometricView::Towards()) < 0.1) continue;
-    for (int i = 1; i < kGrid; ++i) {
-      for (int j = 1; j < kGrid; ++j) {
-        const Eigen::Vector3d p = side.centre + (2.0 * i / kGrid - 1) * side.half_u * side.axis_u +
-                                  (2.0 * j / kGrid - 1) * side.half_v * side.axis_v;
-        // From within its own box, so that one that touches it there hides the point.
-        const Eigen::Vector3d from = p - kTouching * IsometricView::Towards();
-        if (CastRay(structure, from, IsometricView::Towards()).side < 0) seen.push_back(p);
-      }
-    }
-  }
-  if (seen.empty()) return std::nullopt;
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& p : seen) mean += p / static_cast<double>(seen.size());
-  return *std::min_element(seen.begin(), seen.end(), [&](const auto& a, const auto& b) {
-    return (a - mean).squaredNorm() < (b - mean).squaredNorm();
-  });
-}
-
-void DrawArrow(const FloorArrow& arrow, const IsometricView& view, Svg* svg) {
-  const Svg::Point from = view.At(arrow.from), to = view.At(arrow.to);
-  const Eigen::Vector2d along = Eigen::Vector2d(to.x - from.x, to.y - from.y).normalized();
-  const Eigen::Vector2d across(-along.y(), along.x());
-  const Eigen::Vector2d tip(to.x, to.y), a = tip - 10 * along + 5 * across, b = a - 10 * across;
-  svg->Line(from, to, "class=\"arrow\"");
-  svg->Polygon({{tip.x(), tip.y()}, {a.x(), a.y()}, {b.x(), b.y()}}, "fill=\"#222\"");
-  svg->Text({to.x, to.y + 16}, arrow.text, "font-weight=\"bold\" text-anchor=\"middle\"");
-}
-
 std::string Edges(const BuildStep& step) {
   return fmt::format("{} front-back, {} left-right, {} up", Millimetres(step.front_to_back),
                      Millimetres(step.left_to_right), Millimetres(step.height));
 }
 
-/// Draws between `from` and `to`, px. Returns the view used.
-IsometricView DrawBoxes(const Structure& structure, const std::vector<BuildStep>& steps,
-                        const std::array<std::string, 2>& names, double from, double to, Svg* svg) {
+/// Draws between `from` and `to`, px. Every side has its box's number, over which boxes before it
+/// are drawn.
+void DrawView(const Structure& structure, const std::vector<BuildStep>& steps,
+              const std::array<std::string, 2>& names, double from, double to, Svg* svg) {
   const std::vector<FloorArrow> arrows = FloorArrows(structure, names);
   const IsometricView view = FittingView(structure, arrows, from, to);
   std::vector<Eigen::AlignedBox3d> bounds;
   for (const BuildStep& step : steps)
-    bounds.push_back(Bounds(structure.boxes()[static_cast<std::size_t>(step.box)]));
+    bounds.push_back(BoundsOf(structure.boxes()[static_cast<std::size_t>(step.box)]));
   for (const std::size_t i : BackToFront(bounds)) {
     for (const Side& side : structure.sides()) {
       if (side.box != steps[i].box || side.normal.dot(IsometricView::Towards()) < 1e-6) continue;
@@ -277,10 +232,17 @@ IsometricView DrawBoxes(const Structure& structure, const std::vector<BuildStep>
                                                                : 0.78;
       svg->Polygon(corners, fmt::format("fill=\"{}\" stroke=\"#222\" stroke-linejoin=\"round\"",
                                         Tint(i, light)));
+      const double font = std::min(16.0, view.scale * std::min(side.half_u, side.half_v));
+      const Svg::Point middle = view.At(side.centre);
+      svg->Text({middle.x, middle.y + 0.35 * font}, std::to_string(i + 1),
+                Font(font, "class=\"number\""));
     }
   }
-  for (const FloorArrow& arrow : arrows) DrawArrow(arrow, view, svg);
-  return view;
+  for (const FloorArrow& arrow : arrows) {
+    const Svg::Point end = view.At(arrow.to);
+    svg->Line(view.At(arrow.from), end, "class=\"arrow\"");
+    svg->Text({end.x, end.y + 16}, arrow.text, "font-weight=\"bold\" text-anchor=\"middle\"");
+  }
 }
 
 Structure SeenFromBehind(const Structure& structure) {
@@ -288,51 +250,6 @@ Structure SeenFromBehind(const Structure& structure) {
   std::vector<Box> boxes = structure.boxes();
   for (Box& box : boxes) box.structure_from_box = turn * box.structure_from_box;
   return Structure::FromBoxes(structure.name(), boxes);
-}
-
-void DrawView(const Structure& structure, const std::vector<BuildStep>& steps, Svg* svg) {
-  DrawBoxes(SeenFromBehind(structure), steps, {"back (-x)", "left (-z)"}, kMargin, kBackRight, svg);
-  const IsometricView view =
-      DrawBoxes(structure, steps, {"front (+x)", "right (+z)"}, kFrontLeft, kFrontRight, svg);
-
-  struct Label {
-    std::size_t step;
-    std::optional<Svg::Point> anchor;
-    double y;  // wanted
-  };
-  std::vector<Label> labels;
-  for (std::size_t i = 0; i < steps.size(); ++i) {
-    const auto anchor = Anchor(structure, steps[i].box);
-    const Svg::Point at =
-        view.At(anchor.value_or(structure.boxes()[static_cast<std::size_t>(steps[i].box)]
-                                    .structure_from_box.translation()));
-    labels.push_back({i, anchor ? std::optional(at) : std::nullopt, at.y});
-  }
-  std::stable_sort(labels.begin(), labels.end(),
-                   [](const Label& a, const Label& b) { return a.y < b.y; });
-  const double space =
-      std::min(40.0, (kViewBottom - kViewTop) / static_cast<double>(labels.size()));
-  const bool two_lines = space > 2.3 * kText;
-  const double font = two_lines ? 13 : std::min(13.0, 0.8 * space);
-  double y = kViewTop;
-  for (std::size_t i = 0; i < labels.size(); ++i) {
-    const double last = kViewBottom - space * static_cast<double>(labels.size() - i);
-    y = std::min(std::max(y, labels[i].y - space / 2), std::max(y, last));
-    const BuildStep& step = steps[labels[i].step];
-    const std::string name = fmt::format(
-        "{} {}", labels[i].step + 1, structure.boxes()[static_cast<std::size_t>(step.box)].name);
-    const double base = y + font;
-    if (labels[i].anchor) {
-      svg->Circle(*labels[i].anchor, 2.5, "fill=\"#222\"");
-      svg->Line(*labels[i].anchor, {kLabelLeft - 5, base - 0.35 * font}, "class=\"leader\"");
-    }
-    const double room = kWidth - kMargin - kLabelLeft;
-    svg->Text({kLabelLeft, base}, Fitted(name, room, kBold * font),
-              Font(font, "font-weight=\"bold\""));
-    if (two_lines)
-      svg->Text({kLabelLeft, base + 15}, Fitted(Edges(step), room, kText), Font(kText));
-    y += space;
-  }
 }
 
 /// A plan from above: x to the right, z downwards.
@@ -442,12 +359,12 @@ void DrawSteps(const Structure& structure, const std::vector<BuildStep>& steps, 
   };
   Eigen::AlignedBox3d floor;
   for (const BuildStep& step : steps) {
-    if (step.on_floor) floor.extend(Bounds(box_of(step.box)));
+    if (step.on_floor) floor.extend(BoundsOf(box_of(step.box)));
   }
   std::vector<Eigen::AlignedBox3d> shown{floor};
   for (std::size_t i = 0; i < steps.size(); ++i) {
-    shown.push_back(Bounds(box_of(steps[i].box)));
-    if (const auto other = Reference(steps, i)) shown.back().extend(Bounds(box_of(*other)));
+    shown.push_back(BoundsOf(box_of(steps[i].box)));
+    if (const auto other = Reference(steps, i)) shown.back().extend(BoundsOf(box_of(*other)));
   }
 
   const auto count = shown.size();
@@ -517,7 +434,7 @@ std::string BuildSheet(const Structure& structure) {
   const std::vector<BuildStep> steps = BuildSteps(structure);
   Svg svg(kWidth, kHeight,
           ".cell{fill:none;stroke:#bbb}.below{fill:none;stroke:#222;stroke-dasharray:5 3}"
-          ".leader{stroke:#222;stroke-width:.7}.arrow{stroke:#222;stroke-width:2}"
+          ".number{font-weight:bold;text-anchor:middle}.arrow{stroke:#222;stroke-width:2}"
           ".origin{stroke:#d55e00;stroke-width:2}");
   const double room = kWidth - 2 * kMargin;
   svg.Text({kMargin, 58}, Fitted("How to build " + structure.name(), room, kBold * 22),
@@ -526,7 +443,11 @@ std::string BuildSheet(const Structure& structure) {
            fmt::format("{} {}, {} mm high. Build from 1 to {}. All lengths are in millimetres.",
                        steps.size(), steps.size() == 1 ? "box" : "boxes",
                        Millimetres(structure.Height()), steps.size()));
-  DrawView(structure, steps, &svg);
+  constexpr double kMiddle = kWidth / 2, kHalfGap = kBetweenViews / 2;
+  DrawView(structure, steps, {"front (+x)", "right (+z)"}, kMargin + kHalfGap, kMiddle - kHalfGap,
+           &svg);
+  DrawView(SeenFromBehind(structure), steps, {"back (-x)", "left (-z)"}, kMiddle + kHalfGap,
+           kWidth - kMargin - kHalfGap, &svg);
   DrawSteps(structure, steps, &svg);
   const std::array<std::string, 4> notes = {
       "Plans are seen from above. Dashed: the box below. (A second box on the floor is measured "

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <Eigen/Geometry>
 #include <string>
 #include <vector>
 
@@ -31,10 +30,7 @@ struct BuildStep {
 /// The steps from the floor upwards, boxes of one height in the order of the structure.
 std::vector<BuildStep> BuildSteps(const Structure& structure);
 
-/// The bounds of a box in the structure frame.
-Eigen::AlignedBox3d Bounds(const Box& box);
-
-/// Instructions to build the stack, as an SVG of one A4 page. It shows the stack in isometric view,
+/// Instructions to build the stack, as an SVG of one A4 page. It shows the stack from two sides,
 /// its boxes numbered in the order of building, and the outline on the floor. For each box it says
 /// which edge is upright and how far it stands over the one below. Lengths are in mm. Throws
 /// DataError for meshes.

@@ -18,7 +18,7 @@
 #include "core/base/parallel_for.h"
 #include "core/base/random.h"
 #include "core/base/text.h"
-#include "infer/stack/build_sheet.h"
+#include "core/geometry/stack_faults.h"
 
 namespace volalign {
 
@@ -144,13 +144,13 @@ double TiltOfTower(const std::vector<Box>& boxes) {
   double mass = 0;
   Eigen::Vector3d moment = Eigen::Vector3d::Zero();
   for (std::size_t i = boxes.size(); i-- > 0;) {
-    const Eigen::AlignedBox3d box = Bounds(boxes[i]);
+    const Eigen::AlignedBox3d box = BoundsOf(boxes[i]);
     mass += box.volume();
     moment += box.volume() * box.center();
     const Eigen::Vector3d middle = moment / mass;
     Eigen::AlignedBox3d joint = box;
     if (i > 0) {
-      const Eigen::AlignedBox3d below = Bounds(boxes[i - 1]);
+      const Eigen::AlignedBox3d below = BoundsOf(boxes[i - 1]);
       joint.min() = joint.min().cwiseMax(below.min());
       joint.max() = joint.max().cwiseMin(below.max());
     }

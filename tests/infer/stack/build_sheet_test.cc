@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <regex>
 #include <string>
 #include <utility>
@@ -25,13 +26,15 @@ struct Text {
   double left, right, top, bottom;
 };
 
-/// Every text of the SVG with the room that it takes in DejaVu Sans, at least.
+/// Every text of the SVG with the room that it takes in DejaVu Sans, at least. Without the numbers
+/// on the drawn sides, which other boxes may hide.
 std::vector<Text> TextsOf(const std::string& svg) {
   static const std::regex kText("<text x=\"([-0-9.]+)\" y=\"([-0-9.]+)\"([^>]*)>([^<]*)</text>"),
       kSize("font-size=\"([0-9.]+)\"");
   std::vector<Text> texts;
   for (std::sregex_iterator it(svg.begin(), svg.end(), kText), end; it != end; ++it) {
     const std::string attributes = (*it)[3], words = (*it)[4];
+    if (Has(attributes, "class=\"number\"")) continue;
     std::smatch found;
     const double size = std::regex_search(attributes, found, kSize) ? std::stod(found[1]) : 13;
     const auto letters = std::count_if(words.begin(), words.end(), [](char c) {
@@ -89,6 +92,16 @@ TEST(BuildSheet, NamesATurnAndABoxInTheAir) {
   const std::string svg = BuildSheet(
       Structure::FromBoxes("two", {Box::FromMinMax("base", {0, 0, 0}, {0.5, 0.2, 0.5}), turned}));
   EXPECT_TRUE(Has(svg, ">on nothing (check y), 14.3° clockwise<"));
+}
+
+// From two sides, three sides of each box.
+TEST(BuildSheet, EveryDrawnSideHasItsBoxesNumber) {
+  const std::string svg = BuildSheet(Grid(12, "carton"));
+  for (int box = 1; box <= 12; ++box) {
+    const std::regex number(fmt::format("class=\"number\">{}<", box));
+    const std::sregex_iterator first(svg.begin(), svg.end(), number), end;
+    EXPECT_EQ(std::distance(first, end), 6) << box;
+  }
 }
 
 // It says how the paper's stack is built.
