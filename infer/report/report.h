@@ -18,15 +18,6 @@ std::string FormatReport(const CalibrationResult& result);
 /// others, the stack's place in each of several captures, and changed lenses.
 std::string FormatNotes(const CalibrationResult& result);
 
-/// Covariances of sensors' poses (of delta, see PerturbLeft) after a second capture in which the
-/// stack stands elsewhere and is seen as well by each sensor. Let x_i be the pose of sensor i, s
-/// the stack's place in it and A_i the inverse of C_i. The second capture adds sum_i (x_i - s)' A_i
-/// (x_i - s) to the information sum_i x_i' A_i x_i of the first. Without s, and inverted, this is
-/// C_i / 2 + inverse(sum_j A_j) / 2. Sensors count as independent, and a device's errors as drawn
-/// anew in the second capture, so it is a lower bound. The covariances have to be positive
-/// definite.
-std::vector<Matrix6d> WithSecondCapture(const std::vector<Matrix6d>& covariances);
-
 /// Returns the next steps, a sentence each; also if every sensor is ok.
 std::vector<std::string> Advise(const CalibrationResult& result);
 
