@@ -45,23 +45,18 @@ std::vector<Eigen::Vector3d> SeparatingDirections(const Box& a, const Box& b) {
   return directions;
 }
 
-/// The widest gap along the directions that `of` accepts: the distance of the boxes.
-template <class Of>
-double Gap(const Box& a, const Box& b, const Of& of) {
+/// The widest gap along the separating directions: the distance of the boxes. `level`: along those
+/// that are level, as seen from above.
+double Gap(const Box& a, const Box& b, bool level = false) {
   double widest = -1e9;
-  for (const Eigen::Vector3d& direction : SeparatingDirections(a, b))
-    if (of(direction)) widest = std::max(widest, GapAlong(a, b, direction));
+  for (const Eigen::Vector3d& direction : SeparatingDirections(a, b)) {
+    if (!level || std::abs(direction.y()) < 1e-3)
+      widest = std::max(widest, GapAlong(a, b, direction));
+  }
   return widest;
 }
 
-double Gap(const Box& a, const Box& b) {
-  return Gap(a, b, [](const Eigen::Vector3d&) { return true; });
-}
-
-/// The gap as seen from above.
-double LevelGap(const Box& a, const Box& b) {
-  return Gap(a, b, [](const Eigen::Vector3d& d) { return std::abs(d.y()) < 1e-3; });
-}
+double LevelGap(const Box& a, const Box& b) { return Gap(a, b, true); }
 
 bool IsUpright(const Box& box) {
   return box.structure_from_box.linear().row(1).cwiseAbs().maxCoeff() > kUpright;
