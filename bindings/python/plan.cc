@@ -9,7 +9,6 @@
 #include "bindings/python/options.h"
 #include "bindings/python/work.h"
 #include "core/base/error.h"
-#include "core/base/file_util.h"
 #include "core/geometry/rig.h"
 #include "infer/plan/plan_report.h"
 
@@ -69,12 +68,6 @@ void AddPlan(py::module_& module) {
           "PlannedSensor by name.")
       .def_readonly("pairs", &RigPlan::pairs)
       .def("_repr_svg_", &PlanPicture)
-      .def(
-          "save_picture",
-          [](const RigPlan& plan, const Path& path) {
-            WriteFileAtomically(PathOf(path), PlanPicture(plan));
-          },
-          py::arg("path"), "Writes the rig from above, SVG. Raises IoError.")
       .def("__str__", &FormatPlan);
 
   module.def("plan", &Plan, py::arg("rig"), py::kw_only(), py::arg("trials") = 3,

@@ -6,7 +6,7 @@ import volalign
 RIG = {"structure_yaw_deg": 20, "sensors": [{"name": "A", "sensor": "azure_kinect_nfov_binned"}, {"name": "B", "sensor": "azure_kinect_nfov_binned", "phi_deg": 120}]}
 
 
-def test_plans_a_rig(tmp_path):
+def test_plans_a_rig():
     plan = volalign.plan(RIG, trials=1, threads=1)
     assert (plan.trials, list(plan.sensors), plan.structure.num_classes) == (1, ["A", "B"], 21)
     sensor = plan.sensors["B"]
@@ -15,8 +15,7 @@ def test_plans_a_rig(tmp_path):
     side, pixels = sensor.sides[0]
     assert "/" in side and pixels > 100
     assert "B" in str(plan)
-    plan.save_picture(tmp_path / "plan.svg")
-    assert (tmp_path / "plan.svg").read_text() == plan._repr_svg_()
+    assert plan._repr_svg_().startswith("<svg")
 
 
 def test_keywords_stand_over_the_rig(tmp_path):
