@@ -24,8 +24,6 @@ Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
 Command AddCompletionCommand(CLI::App& program);
 Command AddDoctorCommand(CLI::App& program);
-/// The text of --version: program and commit, libraries, the renderer that `auto` takes here.
-std::string VersionText();
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);
 Command AddCheckCommand(CLI::App& program);

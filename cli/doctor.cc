@@ -122,16 +122,6 @@ int RunDoctor(const std::string& model, const TableOutput& output) {
 
 }  // namespace
 
-std::string VersionText() {
-  std::string renderer;
-  try {
-    renderer = ChooseRenderers(RendererKind::kAuto).description;
-  } catch (const Error& error) {
-    renderer = error.what();
-  }
-  return fmt::format("{}\nlibraries: {}\nrenderer: {}", Tool(), Libraries(), renderer);
-}
-
 Command AddDoctorCommand(CLI::App& program) {
   auto model = std::make_shared<std::string>(kShippedModel);
   auto output = std::make_shared<TableOutput>();

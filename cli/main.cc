@@ -16,6 +16,7 @@
 #include "core/base/error.h"
 #include "core/base/input_file.h"
 #include "core/base/interrupt.h"
+#include "core/base/provenance.h"
 #include "core/base/text.h"
 #include "render/egl/egl_context.h"
 #include "train/compute.h"
@@ -87,7 +88,7 @@ int Run(int argc, char** argv) {
   CLI::App program(
       "volalign finds the poses of depth sensors from one depth frame each of a stack of boxes",
       "volalign");
-  program.set_version_flag("--version", VersionText);
+  program.set_version_flag("--version", Tool);
   program.require_subcommand(1);
   program.formatter(HelpFormatter());
   program.footer("Pages: " + WithPages("docs/index.md"));

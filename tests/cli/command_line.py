@@ -85,7 +85,6 @@ class WithoutEgl(InAFolder):
         library = re.search(r"^\s*libEGL\.so\.1 .* => (.*)$", libraries, re.MULTILINE)[1]
         hide = ["unshare", "--map-root-user", "--mount", "bash", "-c", 'mount --bind /dev/null "$0" && exec "$@"', os.path.realpath(library)]
         for command, status, part in (
-            ("--version", 0, "(auto: no OpenGL)"),
             ("render --rig configs/rig_ring4.yaml --renderer auto -o capture", 0, "S4"),
             ("render --rig configs/rig_ring4.yaml --renderer egl -o x", 1, "install the Debian package libegl1"),
         ):
@@ -169,7 +168,7 @@ class CommandLine(InAFolder):
     def test_says_what_it_is(self):
         self.expect("--help", 0, "structure", "render", "train", "calibrate", "evaluate", "export", "config")
         version = self.expect("--version", 0)
-        self.assertRegex(version, r"\Avolalign \d+\.\d+\.\d+( \([0-9a-f]{12}(-dirty)? of \d{4}-\d\d-\d\d\))?\nlibraries: LibTorch .*\nrenderer: .*\n\Z")
+        self.assertRegex(version, r"\Avolalign \d+\.\d+\.\d+( \([0-9a-f]{12}(-dirty)? of \d{4}-\d\d-\d\d\))?\n\Z")
 
     def test_errors_are_one_line(self):
         for arguments, part in (("", "subcommand"), ("fly", "sub-command fly"), ("calibrate --capture", "--capture"), ("train --nproc 100000", "--nproc")):
