@@ -82,7 +82,7 @@ std::vector<std::string> DepthChannels(const Imf::ChannelList& list, const std::
     return grey;
   }
   throw DataError(fmt::format(
-      "{}: none of the channels {} is the only one, nor named Z or Y; write depth alone", name,
+      "{}: none of the channels {} is the only one, nor named Z, Y or V; write depth alone", name,
       Shortened(fmt::format("{}", fmt::join(all, ", ")))));
 }
 

@@ -171,27 +171,29 @@ TEST_F(DepthFileTest, OpensAFileOnce) {
 
 /// As Blender names the channels of its layers; the data window does not begin at 0.
 TEST_F(DepthFileTest, OpenExrLayers) {
-  const std::string path = (folder_ / "layers.exr").string();
   const Imath::Box2i window(Imath::V2i(3, 2), Imath::V2i(3 + kWidth - 1, 2 + kHeight - 1));
-  Imf::Header header(window, window);
   std::vector<float> depth, colour(std::size_t{kWidth} * kHeight, 0.5f);
   for (const auto [u, v] : Pixels(kWidth, kHeight))
     depth.push_back(static_cast<float>(Value(u, v)));
-  Imf::FrameBuffer buffer;
-  const auto add = [&](const char* name, std::vector<float>* values) {
-    header.channels().insert(name, Imf::Channel(Imf::FLOAT));
-    buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, values->data(), window));
-  };
-  for (const char* name : {"View Layer.Combined.R", "View Layer.Combined.G",
-                           "View Layer.Combined.B", "View Layer.Combined.A"})
-    add(name, &colour);
-  add("View Layer.Depth.Z", &depth);
-  {
-    Imf::OutputFile file(path.c_str(), header);
-    file.setFrameBuffer(buffer);
-    file.writePixels(kHeight);
+  for (const char* channel : {"View Layer.Depth.Z", "Depth.Y", "Depth.V"}) {
+    Imf::Header header(window, window);
+    Imf::FrameBuffer buffer;
+    const auto add = [&](const char* name, std::vector<float>* values) {
+      header.channels().insert(name, Imf::Channel(Imf::FLOAT));
+      buffer.insert(name, Imf::Slice::Make(Imf::FLOAT, values->data(), window));
+    };
+    for (const char* name : {"View Layer.Combined.R", "View Layer.Combined.G",
+                             "View Layer.Combined.B", "View Layer.Combined.A"})
+      add(name, &colour);
+    add(channel, &depth);
+    const std::string path = (folder_ / (std::string(channel) + ".exr")).string();
+    {
+      Imf::OutputFile file(path.c_str(), header);
+      file.setFrameBuffer(buffer);
+      file.writePixels(kHeight);
+    }
+    ExpectFilled(path, false);
   }
-  ExpectFilled(path, false);
 }
 
 TEST_F(DepthFileTest, ExrWithManyChannels) {
