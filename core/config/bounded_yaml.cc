@@ -4,9 +4,11 @@
 #include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/yaml.h>
 
+#include <optional>
 #include <vector>
 
 #include "core/base/file_limits.h"
+#include "core/base/number.h"
 
 namespace volalign {
 
@@ -60,6 +62,19 @@ YAML::Node LoadYaml(const std::string& text, YamlDocuments documents) {
   std::size_t nodes = 0;
   Count(root, 0, &nodes);
   return root;
+}
+
+double YamlNumber(const YAML::Node& node) {
+  const std::optional<double> number = NumberOf(node.Scalar());
+  if (!number) throw YAML::BadConversion(node.Mark());
+  return *number;
+}
+
+std::vector<double> YamlNumbers(const YAML::Node& list) {
+  if (!list.IsSequence()) throw YAML::BadConversion(list.Mark());
+  std::vector<double> numbers;
+  for (const YAML::Node& item : list) numbers.push_back(YamlNumber(item));
+  return numbers;
 }
 
 std::string YamlProblem(const YAML::Exception& error) {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace YAML {
 class Exception;
@@ -23,6 +24,12 @@ enum class YamlDocuments { kOne, kFirst };
 /// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException with the line
 /// and, beyond a limit, the limit. All YAML of volalign is read by it.
 YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocuments::kOne);
+
+/// The number of a node. yaml-cpp itself would read it by the process's locale. Throws
+/// YAML::BadConversion with the line unless it is finite.
+double YamlNumber(const YAML::Node& node);
+/// Those of a list.
+std::vector<double> YamlNumbers(const YAML::Node& list);
 
 /// A description of the fault without the line. For a value of another kind, yaml-cpp says "bad
 /// conversion", for a missing key "invalid node".

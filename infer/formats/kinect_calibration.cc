@@ -33,8 +33,8 @@ Pose CameraFromDevice(const YAML::Node& camera, const std::string& name) {
                     ": a camera has no Rt, its place in the device; give the whole raw "
                     "calibration, as the device or a recording's calibration.json has it");
   }
-  const auto r = rt["Rotation"].as<std::vector<double>>();
-  const auto t = rt["Translation"].as<std::vector<double>>();
+  const std::vector<double> r = YamlNumbers(rt["Rotation"]);
+  const std::vector<double> t = YamlNumbers(rt["Translation"]);
   if (r.size() != 9 || t.size() != 3)
     throw DataError(
         fmt::format("{}: Rt has {} and {} numbers, not 9 and 3", name, r.size(), t.size()));
@@ -62,7 +62,7 @@ Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
                             const std::string& name) {
   const YAML::Node given = camera["Intrinsics"];
   const auto type = given["ModelType"].as<std::string>();
-  const auto p = given["ModelParameters"].as<std::vector<double>>();
+  const std::vector<double> p = YamlNumbers(given["ModelParameters"]);
   if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
     throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
                                 Shortened(type), p.size()));

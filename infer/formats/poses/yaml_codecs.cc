@@ -58,7 +58,7 @@ Poses Reading(const std::string& name, Read read) {
 
 Eigen::MatrixXd MatrixOf(const YAML::Node& node, const std::string& place) {
   const int rows = node["rows"].as<int>(), cols = node["cols"].as<int>();
-  const auto data = node["data"].as<std::vector<double>>();
+  const std::vector<double> data = YamlNumbers(node["data"]);
   if (rows < 1 || cols < 1 ||
       data.size() != static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols))
     throw DataError(
@@ -186,8 +186,8 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
           PoseFromRotation(MatrixOf(sensor["R"], place + ": R", 3, 3),
                            MatrixOf(sensor["t"], place + ": t", 3, 1), place)
               .inverse();
-      if (sensor["depth_gain"]) pose.depth_gain = sensor["depth_gain"].as<double>();
-      if (sensor["depth_offset_m"]) pose.depth_offset_m = sensor["depth_offset_m"].as<double>();
+      if (sensor["depth_gain"]) pose.depth_gain = YamlNumber(sensor["depth_gain"]);
+      if (sensor["depth_offset_m"]) pose.depth_offset_m = YamlNumber(sensor["depth_offset_m"]);
       if (sensor["camera_matrix"]) pose.intrinsics = OpencvIntrinsics(sensor, place);
       poses.push_back(std::move(pose));
     }
@@ -269,9 +269,7 @@ Poses ReadRos(const std::string& text, const std::string& name) {
         throw DataError(fmt::format("{}: in frame \"{}\", and others are in \"{}\"", place,
                                     Shortened(parent), Shortened(world)));
       const YAML::Node t = node["transform"]["translation"], q = node["transform"]["rotation"];
-      const auto number = [](const YAML::Node& of, const char* key) {
-        return of[key].as<double>();
-      };
+      const auto number = [](const YAML::Node& of, const char* key) { return YamlNumber(of[key]); };
       const Pose pose =
           PoseFromQuaternion(number(q, "w"), number(q, "x"), number(q, "y"), number(q, "z"),
                              {number(t, "x"), number(t, "y"), number(t, "z")}, place);

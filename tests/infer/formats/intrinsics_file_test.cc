@@ -4,11 +4,12 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 
-#include <locale>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "infer/formats/kinect_calibration.h"
+#include "tests/core/base/comma_locale.h"
 #include "tests/core/base/expect_error.h"
 #include "tests/core/base/temp_folder.h"
 
@@ -233,21 +234,13 @@ TEST(WhyNoText, NamesWhatNoReaderTakes) {
   ExpectError<DataError>([&] { ParseIntrinsicsText(utf16, "k.txt", {4, 3}); }, {"k.txt", "UTF-16"});
 }
 
-/// A decimal comma, and points between thousands.
-struct CommaPoint : std::numpunct<char> {
-  char do_decimal_point() const override { return ','; }
-  char do_thousands_sep() const override { return '.'; }
-  std::string do_grouping() const override { return "\3"; }
-};
-
 TEST(PrintOfPyrealsense, TellsFocalLengthsFromThePrincipalPointWhateverTheLocale) {
-  const std::locale before;
-  for (const std::locale& locale : {before, std::locale(before, new CommaPoint)}) {
-    std::locale::global(locale);
+  for (const bool comma : {false, true}) {
+    std::optional<CommaLocale> locale;
+    if (comma) locale.emplace();
     const Intrinsics found = Parse(
         "depth: [ 640x480  p[318.500 240.9]  f[383.300 384.4]  Brown Conrady [0.1 0 0 0.2 0] ]");
     const Intrinsics own = Parse("fx: 525.5\nfy: 1\nppx: 1\nppy: 1\nwidth: 640\nheight: 480\n");
-    std::locale::global(before);
     EXPECT_EQ(own.fx, 525.5);
     EXPECT_EQ(found, (Intrinsics{640, 480, 383.3, 384.4, 318.5, 240.9, {0.1, 0, 0, 0.2, 0}}));
   }
@@ -316,6 +309,7 @@ constexpr char kTurnedX[] =
 
 TEST(ReadKinectColour, GoesThroughTheFrameOfTheDevice) {
   const TempFolder folder;
+  const CommaLocale locale;
   const ColourCamera camera = ReadKinectColour(
       folder.Write("raw.json", Raw(Camera(kColour, kTurnedX) + ", " + Camera(kDepth, kTurnedZ))));
   EXPECT_FALSE(camera.intrinsics);

@@ -8,6 +8,7 @@
 
 #include "core/geometry/lens.h"
 #include "infer/formats/poses/codecs.h"
+#include "tests/core/base/comma_locale.h"
 #include "tests/core/base/expect_error.h"
 
 namespace volalign::poses_internal {
@@ -98,6 +99,17 @@ std::vector<double> NumbersAt(const std::string& text, const std::string& from, 
     numbers.push_back(x);
   *at = end;
   return numbers;
+}
+
+TEST(YamlCodecs, ADecimalCommaOfTheLocaleChangesNothing) {
+  const CommaLocale locale;
+  const SensorPose sensor = Sensor();
+  for (const SensorPose& read : {ReadOpencv(WriteOpencv({sensor}, {}), "poses.yaml").at(0),
+                                 ReadRos(WriteRos({sensor}, {}), "poses.yaml").at(0)}) {
+    EXPECT_TRUE(read.structure_from_sensor.isApprox(sensor.structure_from_sensor));
+    EXPECT_EQ(read.depth_gain, sensor.depth_gain);
+    EXPECT_EQ(read.depth_offset_m, sensor.depth_offset_m);
+  }
 }
 
 TEST(YamlCodecs, ALaunchFilePublishesEachTransform) {
