@@ -8,6 +8,7 @@
 #include <cstring>
 #include <fstream>
 #include <map>
+#include <set>
 #include <string>
 #include <string_view>
 
@@ -32,6 +33,7 @@ enum Opcode : std::uint8_t {
   kChannel = 0x04,
   kMessage = 0x05,
   kChunk = 0x06,
+  kMessageIndex = 0x07,
   kDataEnd = 0x0F
 };
 
@@ -59,7 +61,8 @@ class McapReader {
     stream_.seekg(kMagic);
     std::uint64_t at = kMagic;
     constexpr std::uint64_t kHead = 1 + sizeof(std::uint64_t);
-    while (!complete_ && size_ >= at + kHead) {
+    Skipped skipped;
+    while (size_ >= at + kHead) {
       std::string head(kHead, '\0');
       stream_.read(head.data(), kHead);
       at += kHead;
@@ -69,24 +72,51 @@ class McapReader {
       if (opcode == kDataEnd || opcode == kFooter) break;
       // The last record of a recording that was cut off.
       if (length > size_ - at) break;
-      at += length;
-      if (!IsWanted(opcode)) {
-        stream_.seekg(static_cast<std::streamoff>(at));
-        continue;
+      if (opcode == kChunk) skipped = {at, complete_ ? length : 0};
+      if (opcode == kMessageIndex && skipped.length > 0 && NamesNewChannel(length)) {
+        Take(kChunk, ReadRecord(skipped.at, skipped.length), /*within_chunk=*/false);
+        skipped.length = 0;
       }
-      if (length > kMaxRecord)
-        throw DataError(fmt::format("{}: damaged: a record of {} bytes", name_, length));
-      std::string record(length, '\0');
-      stream_.read(record.data(), static_cast<std::streamsize>(length));
-      if (!stream_) throw IoError(name_ + ": cannot be read");
-      Take(opcode, record, /*within_chunk=*/false);
+      if (IsWanted(opcode)) Take(opcode, ReadRecord(at, length), /*within_chunk=*/false);
+      at += length;
+      Seek(at);
     }
     return std::move(content_);
   }
 
  private:
-  static bool IsWanted(std::uint8_t opcode) {
-    return opcode == kSchema || opcode == kChannel || opcode == kMessage || opcode == kChunk;
+  /// A chunk that was not read; of length 0 if there is none.
+  struct Skipped {
+    std::uint64_t at = 0, length = 0;  // bytes
+  };
+
+  /// Once all streams have their frames, only records outside chunks are.
+  bool IsWanted(std::uint8_t opcode) const {
+    return opcode == kSchema || opcode == kChannel || opcode == kMessage ||
+           (opcode == kChunk && !complete_);
+  }
+
+  /// Is the record of an index, which stands next, of a channel without a message so far?
+  bool NamesNewChannel(std::uint64_t length) {
+    std::uint16_t id = 0;
+    if (length < sizeof(id)) return false;
+    stream_.read(reinterpret_cast<char*>(&id), sizeof(id));
+    return heard_.count(id) == 0;
+  }
+
+  void Seek(std::uint64_t at) {
+    const auto to = static_cast<std::streamoff>(at);
+    if (stream_.tellg() != to) stream_.seekg(to);  // which discards what is buffered
+  }
+
+  std::string ReadRecord(std::uint64_t at, std::uint64_t length) {
+    if (length > kMaxRecord)
+      throw DataError(fmt::format("{}: damaged: a record of {} bytes", name_, length));
+    std::string record(length, '\0');
+    Seek(at);
+    stream_.read(record.data(), static_cast<std::streamsize>(length));
+    if (!stream_) throw IoError(name_ + ": cannot be read");
+    return record;
   }
 
   void Take(std::uint8_t opcode, std::string_view record, bool within_chunk) {
@@ -115,6 +145,7 @@ class McapReader {
   void TakeMessage(ByteReader* reader) {
     const auto channel = channels_.find(reader->Value<std::uint16_t>());
     if (channel == channels_.end()) throw DataError(name_ + ": damaged: a message of no channel");
+    heard_.insert(channel->first);
     reader->Take(sizeof(std::uint32_t) + 2 * sizeof(std::uint64_t));  // sequence, two times
     const std::string_view message = reader->Take(reader->left());
     const auto schema = schemas_.find(channel->second.schema);
@@ -162,7 +193,8 @@ class McapReader {
       const auto length = inner.Value<std::uint64_t>();
       Take(opcode, inner.Take(length), /*within_chunk=*/true);
     }
-    // The rest of a long recording is skipped once every depth stream has its frames and a camera.
+    // The rest of a long recording is skipped once every depth stream has its frames and a camera,
+    // but for chunks whose index names a new channel.
     complete_ = HasAllFrames(content_, reading_.max_frames) && HaveCameras(content_);
   }
 
@@ -173,6 +205,7 @@ class McapReader {
   bool complete_ = false;
   std::map<std::uint16_t, std::string> schemas_;
   std::map<std::uint16_t, Channel> channels_;
+  std::set<std::uint16_t> heard_;  // channels with messages
   RosContent content_;
 };
 

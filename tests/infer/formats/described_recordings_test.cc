@@ -909,6 +909,26 @@ TEST(DescribedMcap, IsReadUpToTheLastFrameAndItsCamera) {
   }
 }
 
+// A chunk's index (opcode 7) tells which channels it has. Other chunks stay unread.
+TEST(DescribedMcap, AStreamMayBeginAfterTheOthersHaveTheirFrames) {
+  const std::vector<Topic> topics{CameraTopic(Ros::k2, "/a/depth/camera_info", "a", 2),
+                                  ImageTopic(Ros::k2, "/a/depth/image_raw", Plain(), "a"),
+                                  CameraTopic(Ros::k2, "/b/depth/camera_info", "b", 2),
+                                  ImageTopic(Ros::k2, "/b/depth/image_raw", Plain(), "b")};
+  const std::string all = McapRecords(topics, "cdr"),
+                    first = McapRecords({topics[0], topics[1]}, "cdr"),
+                    rest = all.substr(first.size());
+  const auto index = [](std::uint16_t channel) {
+    return McapRecord(7, Bytes(channel) + Block(""));
+  };
+  const std::string unread = McapChunk(first, "brotli", first, 0) + index(1) + index(2);
+  const auto streams = ReadMcap(McapChunk(first, "", first, 0) + index(1) + index(2) + unread +
+                                    McapChunk(rest, "", rest, 0) + index(3) + index(4) + unread,
+                                1);
+  ASSERT_EQ(streams.size(), 2u);
+  EXPECT_TRUE(streams[0].intrinsics && streams[1].intrinsics);
+}
+
 TEST(DescribedMcap, DamagedOrUnknown) {
   const std::string records = McapRecords({ImageTopic(Ros::k2, "/camera/depth")}, "cdr");
   const auto expect = [&](const std::string& of, std::initializer_list<std::string> parts) {
