@@ -138,7 +138,7 @@ TEST(DataParallelProcesses, ALostOneEndsTheRunWithAStateToGoOnFrom) {
   EXPECT_EQ(statuses, (std::vector<int>{1, 128 + SIGKILL, 1}));
   for (const int rank : {0, 2}) {
     const std::string message = ReadFile(folder / fmt::format("message{}", rank));
-    EXPECT_TRUE(Has(message, "after 25 samples: lost rank 1 (", "--resume"));
+    EXPECT_TRUE(Has(message, "after 25 samples: lost another process (", "--resume"));
   }
   EXPECT_TRUE(fs::exists(folder / "run" / "states" / "000000000025.state"));
   ASSERT_EQ(
@@ -164,7 +164,7 @@ TEST(DataParallelProcesses, ASilentOneIsLostAfterTheTimeLimit) {
   });
   EXPECT_EQ(statuses, (std::vector<int>{1, 7}));
   const std::string message = ReadFile(folder / "message0");
-  EXPECT_TRUE(Has(message, "after 10 samples: lost rank 1 ("));
+  EXPECT_TRUE(Has(message, "after 10 samples: lost another process ("));
 }
 
 // Adam, the default, keeps more between steps than what rounding makes of a sum.

@@ -17,9 +17,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <future>
 #include <memory>
-#include <thread>
 #include <utility>
 
 #include "core/base/interrupt.h"
@@ -78,15 +76,6 @@ using Backend = c10d::Backend;
 using Backend = c10d::ProcessGroup;
 #endif
 
-/// Time for the others to answer after one was lost, unless the time limit is shorter.
-constexpr milliseconds kRollCall(10000);
-
-std::string OwnName() {
-  std::array<char, 256> host{};
-  ::gethostname(host.data(), host.size() - 1);
-  return fmt::format("{}, process {}", host.data(), ::getpid());
-}
-
 Store OpenStore(const World& world, milliseconds timeout) {
   if (!world.store.empty()) {
     Store store = c10::make_intrusive<c10d::FileStore>(world.store, world.size);
@@ -141,72 +130,22 @@ c10::intrusive_ptr<Backend> OpenGloo(const World& world, const Store& store, mil
   }
 }
 
-std::string HereKey(int rank) { return fmt::format("here/{}", rank); }
-
-std::vector<std::uint8_t> Bytes(const std::string& text) { return {text.begin(), text.end()}; }
-
-/// Ranks that do not answer in time, without the own one.
-std::vector<int> RollCall(const Store& store, int rank, int size, milliseconds time) {
-  std::vector<int> missing;
-  for (int r = 0; r < size; ++r) {
-    if (r != rank) missing.push_back(r);
-  }
-  try {
-    store->set(HereKey(rank), Bytes("1"));
-    const auto until = std::chrono::steady_clock::now() + time;
-    while (!missing.empty() && std::chrono::steady_clock::now() < until) {
-      missing.erase(std::remove_if(missing.begin(), missing.end(),
-                                   [&](int r) { return store->check({HereKey(r)}); }),
-                    missing.end());
-      std::this_thread::sleep_for(milliseconds(100));
-    }
-  } catch (const std::exception&) {
-    return {0};  // rank 0 keeps the store, if it is no file
-  }
-  return missing;
-}
-
 }  // namespace
 
 struct ProcessGroup::Connection {
   Store store;
   c10::intrusive_ptr<Backend> host;    ///< for tensors in memory
   c10::intrusive_ptr<Backend> device;  ///< for tensors on the run's device
-  std::vector<std::string> names;      ///< of the processes, by rank
-  int rank = 0;
-  milliseconds timeout{0};
 
   Backend& Of(const at::Tensor& tensor) { return tensor.is_cuda() ? *device : *host; }
 
   template <class Function>
-  auto Call(const Function& function) {
+  static auto Call(const Function& function) {
     try {
       return function();
     } catch (const std::exception& e) {
-      throw LostProcess(fmt::format("{} ({})", Missing(), Shortened(FirstLine(e.what()))));
+      throw LostProcess(fmt::format("lost another process ({})", Shortened(FirstLine(e.what()))));
     }
-  }
-
-  /// The lost processes. The store may be lost, too: its functions might not return.
-  std::string Missing() {
-    auto answer = std::make_shared<std::promise<std::vector<int>>>();
-    std::future<std::vector<int>> future = answer->get_future();
-    const int size = static_cast<int>(names.size());
-    const milliseconds time = std::min(kRollCall, timeout);
-    std::thread([answer, store = store, rank = rank, size, time] {
-      answer->set_value(RollCall(store, rank, size, time));
-    }).detach();
-    std::vector<int> missing = {0};
-    if (future.wait_for(time + std::chrono::seconds(5)) == std::future_status::ready) {
-      missing = future.get();
-    }
-    if (missing.empty()) return "the connection between the processes broke";
-    std::string who;
-    for (const int r : missing) {
-      who += fmt::format("{}rank {} ({})", who.empty() ? "" : ", ", r,
-                         names[static_cast<std::size_t>(r)]);
-    }
-    return "lost " + who;
   }
 };
 
@@ -221,8 +160,6 @@ void ProcessGroup::Connect(const World& world, const at::Device& device, double 
   connection_ = std::make_unique<Connection>();
   const milliseconds timeout(static_cast<std::int64_t>(1000 * timeout_s));
   Connection& c = *connection_;
-  c.rank = rank_;
-  c.timeout = timeout;
   c.store = OpenStore(world, timeout);
   c.host = OpenGloo(world, c.store, timeout);
   c.device = c.host;
@@ -236,8 +173,6 @@ void ProcessGroup::Connect(const World& world, const at::Device& device, double 
 #else
   (void)device;
 #endif
-  c.names.resize(static_cast<std::size_t>(size_));
-  c.names = Gather(OwnName());
 }
 
 void ProcessGroup::Sum(const at::Tensor& tensor) {

@@ -20,8 +20,8 @@ class LostProcess : public Error {
 
 /// The processes that train one network together. They exchange tensors over sockets by LibTorch's
 /// c10d: Gloo for tensors in memory, NCCL for those on CUDA devices if the build has it. All
-/// processes call the same functions in the same order. Every function throws LostProcess with the
-/// processes that do not answer.
+/// processes call the same functions in the same order. Every function throws LostProcess if
+/// another process does not answer.
 class ProcessGroup {
  public:
   /// A single process, for which all functions do nothing.
