@@ -132,15 +132,6 @@ Json NumberIn(const std::string& text) {
   return real ? Json(*real) : Json();
 }
 
-/// The value at a key of this object, or of groups below it ("group.key"); null if there is none.
-const Json* Below(const Json& object, const std::string& key) {
-  const std::size_t dot = key.find('.');
-  const auto found = object.find(key.substr(0, dot));
-  if (found == object.end() || dot == std::string::npos)
-    return found == object.end() ? nullptr : &*found;
-  return found->is_object() ? Below(*found, key.substr(dot + 1)) : nullptr;
-}
-
 }  // namespace
 
 void ReadValue(const Json& json, const ValuePlace& place, bool* value) {
@@ -318,8 +309,8 @@ std::optional<std::string> ObjectReader::NameOf(const std::string& key,
       return std::nullopt;
     }
     const std::string& name = check.removed_name.empty() ? check.former_name : check.removed_name;
-    const Json* const given = name.empty() ? nullptr : Below(*value_, name);
-    if (given == nullptr) continue;
+    const auto given = value_->find(name);
+    if (name.empty() || given == value_->end()) continue;
     const std::string was = Place(name), where = config->source.WhereOf(was);
     if (!check.removed_name.empty()) {
       if (!check.harmless || LeafTexts(*given) != *check.harmless)

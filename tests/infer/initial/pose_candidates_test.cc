@@ -240,6 +240,18 @@ TEST(CompareWithView, CountsPixels) {
   EXPECT_NEAR(agreement.miou, (0.6 + 0 + 0.75) / 3, 1e-9);
 }
 
+TEST(CompareWithView, LabelsAreComparedPixelByPixel) {
+  // Its face at 1 m covers the left half of the upper rows.
+  const Structure box = Structure::FromBoxes(
+      "box", {Box::FromMinMax("b", Eigen::Vector3d(-1, -1, 1), Eigen::Vector3d(0, 0, 2))});
+  const auto seen = static_cast<std::uint8_t>(LabelOf(box, "b/left"));
+  const Agreement agreement =
+      CompareWithView(MakeSensorView(DepthImage(20, 10, 1.0f), Coarse()),
+                      Certain(LabelImage(20, 10, seen)), box, Pose::Identity(), kTolerance);
+  EXPECT_EQ(agreement.explained, 50);
+  EXPECT_EQ(agreement.same_label, 50);
+}
+
 TEST(CompareWithView, NothingMeasuredIsNoAgreement) {
   const Agreement agreement =
       CompareWithView(MakeSensorView(DepthImage(20, 10, 0.0f), Coarse()),
