@@ -366,8 +366,8 @@ TEST_F(FrameTerms, ResidualsVanishOnTheStructureAsBuilt) {
 TEST_F(FrameTerms, TheCostIsWhitenedByTheCovariance) {
   FrameObservations observed = Observe(structure_, pose_, 50);
   const EdgeObservation edge = EdgeOf(observed.faces.front());
-  observed.edges = {edge, edge};
-  observed.edges[1].edge = 2;
+  observed.edges = {edge, edge, edge};  // the first two are of one edge, and correlated
+  observed.edges[2].edge = 2;
   SetCovariance(model_, pose_, &observed);
   ParameterPoint at(model_, pose_);
   at.x[7] = 0.005;
@@ -382,7 +382,7 @@ TEST_F(FrameTerms, TheCostIsWhitenedByTheCovariance) {
   const Eigen::MatrixXd face = observed.face_root * observed.face_root.transpose(),
                         lines = observed.edge_root * observed.edge_root.transpose();
   const double squares = residuals.head(faces).dot(face.inverse() * residuals.head(faces)) +
-                         residuals.tail(2).dot(lines.inverse() * residuals.tail(2));
+                         residuals.tail(3).dot(lines.inverse() * residuals.tail(3));
   EXPECT_NEAR(whitened.squaredNorm(), squares, 1e-6 * squares);
 }
 
