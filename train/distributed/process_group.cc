@@ -158,7 +158,8 @@ void ProcessGroup::Connect(const World& world, const at::Device& device, double 
   rank_ = world.rank;
   size_ = world.size;
   connection_ = std::make_unique<Connection>();
-  const milliseconds timeout(static_cast<std::int64_t>(1000 * timeout_s));
+  constexpr double kLongest = 1e9;  // s, which 64 bits hold in ms
+  const milliseconds timeout(static_cast<std::int64_t>(1000 * std::min(timeout_s, kLongest)));
   Connection& c = *connection_;
   c.store = OpenStore(world, timeout);
   c.host = OpenGloo(world, c.store, timeout);
