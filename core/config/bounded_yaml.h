@@ -28,7 +28,7 @@ YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocum
 /// The number of a node. yaml-cpp itself would read it by the process's locale. Throws
 /// YAML::BadConversion with the line unless it is finite.
 double YamlNumber(const YAML::Node& node);
-/// Those of a list.
+/// The numbers of a list. Throws as YamlNumber.
 std::vector<double> YamlNumbers(const YAML::Node& list);
 
 /// A description of the fault without the line. For a value of another kind, yaml-cpp says "bad

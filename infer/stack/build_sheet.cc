@@ -210,8 +210,8 @@ std::string Edges(const BuildStep& step) {
                      Millimetres(step.left_to_right), Millimetres(step.height));
 }
 
-/// Draws between `from` and `to`, px. Every side has its box's number, over which boxes before it
-/// are drawn.
+/// Draws between `from` and `to`, px. Every side has its box's number. Boxes in front of it may
+/// hide the number.
 void DrawView(const Structure& structure, const std::vector<BuildStep>& steps,
               const std::array<std::string, 2>& names, double from, double to, Svg* svg) {
   const std::vector<FloorArrow> arrows = FloorArrows(structure, names);

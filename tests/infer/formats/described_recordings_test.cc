@@ -909,7 +909,7 @@ TEST(DescribedMcap, IsReadUpToTheLastFrameAndItsCamera) {
   }
 }
 
-// A chunk's index (opcode 7) tells which channels it has. Other chunks stay unread.
+// The index after a chunk (opcode 7) names the channels in it. Chunks without new ones stay unread.
 TEST(DescribedMcap, AStreamMayBeginAfterTheOthersHaveTheirFrames) {
   const std::vector<Topic> topics{CameraTopic(Ros::k2, "/a/depth/camera_info", "a", 2),
                                   ImageTopic(Ros::k2, "/a/depth/image_raw", Plain(), "a"),
