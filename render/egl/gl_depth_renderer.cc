@@ -10,9 +10,10 @@
 #include <vector>
 
 #include "core/base/error.h"
+#include "core/geometry/lens.h"
 #include "render/egl/renderers.h"
-#include "render/lens_picture.h"
 #include "render/recent_lenses.h"
+#include "render/tiles/tile_renderer.h"
 
 namespace volalign {
 namespace {
@@ -59,11 +60,12 @@ GLuint LinkProgram() {
   return program;
 }
 
-/// Draws the face that each pixel shows.
+/// Draws the face that each pixel shows. OpenGL draws no lens: a camera with distortion is drawn by
+/// tiles, where each pixel has its own ray.
 ///
 /// Depth does not depend on the rasteriser's interpolation. Every face has its plane n . p = h in
 /// the sensor frame. The pixel's ray (x, y, 1) meets it at the depth z = 1 / ((n / h) . (x, y, 1)).
-/// This is exact to float rounding, also with a lens (LensPicture).
+/// This is exact to float rounding.
 class GlDepthRenderer : public DepthRenderer {
  public:
   explicit GlDepthRenderer(const EglContextOptions& options) : egl_(options) {
@@ -94,14 +96,22 @@ class GlDepthRenderer : public DepthRenderer {
   GlDepthRenderer(const GlDepthRenderer&) = delete;
   GlDepthRenderer& operator=(const GlDepthRenderer&) = delete;
 
-  /// The largest size is that of GL; with a lens, it holds for the lens's whole field of view.
+  /// The largest size is that of GL.
   void Render(const SceneMesh& mesh, const Intrinsics& intrinsics,
               const Pose& structure_from_sensor, RenderedView* view) override {
+    if (!intrinsics.distortion.empty())
+      return with_lens_->Render(mesh, intrinsics, structure_from_sensor, view);
     RequireDrawable(mesh, intrinsics.width, intrinsics.height, max_size_);
-    const LensPicture& picture = pictures_.Get(intrinsics, PlanLensPicture);
     FitImages(intrinsics, view);
-    DrawNumbers(mesh, picture.pinhole, structure_from_sensor);
-    DrawThroughLens(picture, numbers_, faces_, view);
+    DrawNumbers(mesh, intrinsics, structure_from_sensor);
+    view->rays =
+        rays_.Get(intrinsics, [](const Intrinsics& k) { return ViewRays(ComputeRays(k)); });
+    for (std::size_t i = 0; i < view->depth.size(); ++i) {
+      const FaceInView* const face = numbers_[i] > 0 ? &faces_[numbers_[i] - 1] : nullptr;
+      view->depth[i] = face ? DepthOf(*face, view->rays->rays[i].homogeneous()) : 0;
+      view->labels[i] = static_cast<std::uint8_t>(face ? face->id >> 16 : 0);
+      view->faces[i] = static_cast<std::uint16_t>(face ? face->id : 0);
+    }
     const GLenum error = glGetError();
     if (error == GL_CONTEXT_LOST) {
       throw Error(
@@ -139,11 +149,19 @@ class GlDepthRenderer : public DepthRenderer {
     height_ = height;
   }
 
-  /// Fills numbers_ with 1 + the index in faces_ of each pixel of a pinhole picture; 0 without a
-  /// face.
+  /// Depth at which the ray (x, y, 1) meets the plane of the face. Outside of its polygon (OpenGL
+  /// snaps corners to 1/256 px), a plane seen edge-on has any depth. So z is limited to the face's
+  /// range.
+  static float DepthOf(const FaceInView& face, const Eigen::Vector3f& ray) {
+    constexpr float kRounding = 1e-5F;  // m, of the corners themselves
+    const float least = std::max(face.low_z, static_cast<float>(kNear)) - kRounding,
+                most = face.high_z + kRounding, inverse = face.inverse.dot(ray);
+    return inverse > 0 ? std::clamp(1 / inverse, least, most) : most;
+  }
+
+  /// Fills numbers_ with 1 + the index in faces_ of each pixel; 0 without a face.
   void DrawNumbers(const SceneMesh& mesh, const Intrinsics& pinhole,
                    const Pose& structure_from_sensor) {
-    RequireDrawable(mesh, pinhole.width, pinhole.height, max_size_);
     Resize(pinhole.width, pinhole.height);
     // The image's outer rim.
     const std::array<float, 4> bounds = {
@@ -202,7 +220,8 @@ class GlDepthRenderer : public DepthRenderer {
 
   const EglContext egl_;
   std::vector<FaceInView> faces_;
-  RecentLenses<LensPicture> pictures_;
+  const std::unique_ptr<DepthRenderer> with_lens_ = TileRenderers()();
+  RecentLenses<std::shared_ptr<const RayTable>> rays_;
   GLuint program_ = 0, vertex_array_ = 0, vertex_buffer_ = 0, index_buffer_ = 0;
   GLuint framebuffer_ = 0, texture_ = 0, z_buffer_ = 0;
   std::size_t indexed_faces_ = 0;

@@ -8,7 +8,7 @@
 
 namespace volalign {
 
-/// OpenGL renderers, each with its own context.
+/// OpenGL renderers, each with its own context. Cameras with distortion are drawn by tiles.
 RendererFactory GlRenderers(const EglContextOptions& options = {});
 
 /// A chosen renderer.

@@ -45,6 +45,7 @@ TEST_F(SampleTest, SwitchingNoiseOrClutterOffLeavesEverythingElse) {
   const SampleContext paper = MakeSampleContext(config, 4);
   config.scene = BareConfig().scene;
   const SampleContext bare = MakeSampleContext(config, 4);
+  int hidden = 0;
   for (std::uint64_t i = 0; i < 6; ++i) {
     const Sample a = Synthesize(sensor, renderer_, 2, i);
     for (const SampleContext* context : {&none, &paper, &bare}) {
@@ -54,12 +55,14 @@ TEST_F(SampleTest, SwitchingNoiseOrClutterOffLeavesEverythingElse) {
       EXPECT_EQ(a.box_offsets[0].matrix(), other.box_offsets[0].matrix());
       EXPECT_EQ(a.size_scale, other.size_scale);
       EXPECT_EQ(a.depth_clean == other.depth_clean, context != &bare);
-      EXPECT_EQ(a.labels_clean == other.labels_clean, context != &bare);
+      if (context != &bare) EXPECT_TRUE(a.labels_clean == other.labels_clean);
+      hidden += !(a.labels_clean == other.labels_clean);
       EXPECT_EQ(other.depth == other.depth_clean, context == &none);
       EXPECT_EQ(other.labels == other.labels_clean, context == &none);
     }
     EXPECT_FALSE(a.depth == a.depth_clean);
   }
+  EXPECT_GE(hidden, 3) << "clutter hides a part of the structure in most samples";
   config.noise.models = {"paper", "physics"};
   ExpectError<ConfigError>([&] { MakeSampleContext(config, 4); }, {"physics", "first"});
 }
