@@ -34,14 +34,6 @@ std::vector<LoggedRun> ReadThem(const RunsOptions& options) {
   return runs;
 }
 
-/// The groups with the keys to be shown; says how many others differ.
-std::vector<RunGroup> Shown(std::vector<RunGroup> groups, const RunsOptions& options) {
-  const std::size_t left_out = ShowKeys(options.keys, &groups);
-  if (left_out > 0 && options.keys.empty())
-    fmt::print(stderr, "{} more keys differ: choose with --keys KEY,KEY\n", left_out);
-  return groups;
-}
-
 }  // namespace
 
 Command AddRunsCommand(CLI::App& program) {
@@ -54,25 +46,20 @@ Command AddRunsCommand(CLI::App& program) {
   CLI::App* compare = AddVerb(
       app, "compare",
       "One row per configuration: the folder of its first run, the keys that differ, and the mean "
-      "and standard deviation of the metrics over its seeds. Differences are from the first row",
+      "and standard deviation of the metrics over its seeds",
       options.get());
   options->table.AddOptions(compare);
   compare
       ->add_option("--keys", options->keys,
-                   "keys of the recipes that tell the runs apart, e.g. model.attention,optim.lr; "
-                   "without it, the five that differ most")
+                   "keys of the recipes to show, e.g. model.attention,optim.lr; without it, all "
+                   "that differ")
       ->delimiter(',');
   return {app, [options, list] {
             const std::vector<LoggedRun> runs = ReadThem(*options);
-            if (*list) {
-              const Table table = ListRuns(runs);
-              options->table.Print(FormatTable(table, TableFormat::kText), table);
-              return 0;
-            }
-            // People get few keys, programs all of them, unless some were asked for.
-            const std::vector<RunGroup> groups = GroupRuns(runs), shown = Shown(groups, *options);
-            options->table.Print(FormatTable(CompareRuns(shown), TableFormat::kText),
-                                 CompareRuns(options->keys.empty() ? groups : shown));
+            std::vector<RunGroup> groups = GroupRuns(runs);
+            if (!options->keys.empty()) ShowKeys(options->keys, &groups);
+            const Table table = *list ? ListRuns(runs) : CompareRuns(groups);
+            options->table.Print(FormatTable(table, TableFormat::kText), table);
             return 0;
           }};
 }

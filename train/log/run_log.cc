@@ -138,23 +138,8 @@ std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs) {
   return groups;
 }
 
-std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGroup>* groups) {
-  constexpr std::size_t kShown = 5;
-  if (groups->empty()) return 0;
-  const std::map<std::string, std::string> all = groups->front().differences;
-  std::vector<std::string> shown = wanted;
-  if (wanted.empty()) {
-    std::map<std::string, std::set<std::string>> values;
-    for (const RunGroup& group : *groups) {
-      for (const auto& [key, value] : group.differences) values[key].insert(value);
-    }
-    for (const auto& [key, unused] : all) shown.push_back(key);
-    std::stable_sort(shown.begin(), shown.end(), [&](const std::string& a, const std::string& b) {
-      return values[a].size() > values[b].size();
-    });
-    shown.resize(std::min(shown.size(), kShown));
-  }
-  for (const std::string& key : shown) {
+void ShowKeys(const std::vector<std::string>& keys, std::vector<RunGroup>* groups) {
+  for (const std::string& key : keys) {
     const bool known = std::any_of(groups->begin(), groups->end(), [&](const RunGroup& group) {
       return group.runs.front().config.count(key) > 0;
     });
@@ -162,11 +147,8 @@ std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGrou
   }
   for (RunGroup& group : *groups) {
     group.differences.clear();
-    for (const std::string& key : shown) group.differences[key] = ValueOf(group.runs.front(), key);
+    for (const std::string& key : keys) group.differences[key] = ValueOf(group.runs.front(), key);
   }
-  return static_cast<std::size_t>(std::count_if(all.begin(), all.end(), [&](const auto& item) {
-    return groups->front().differences.count(item.first) == 0;
-  }));
 }
 
 namespace {
@@ -195,44 +177,6 @@ std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
   for (double v : values) squares += (v - mean) * (v - mean);
   if (values.size() < 2) return {mean, Cell()};
   return {mean, std::sqrt(squares / static_cast<double>(values.size() - 1))};
-}
-
-/// Half of the 95 % interval of a mean of `n` normal values, divided by their standard error:
-/// Student's t.
-double HalfInterval95(std::size_t n) {
-  constexpr std::array<double, 10> kFew = {12.706, 4.303, 3.182, 2.776, 2.571,
-                                           2.447,  2.365, 2.306, 2.262, 2.228};
-  if (n - 2 < kFew.size()) return kFew[n - 2];
-  // Cornish and Fisher's expansion, here within 0.1 %.
-  constexpr double kZ = 1.959964;
-  const auto freedom = static_cast<double>(n - 1);
-  return kZ + (std::pow(kZ, 3) + kZ) / (4 * freedom) +
-         (5 * std::pow(kZ, 5) + 16 * std::pow(kZ, 3) + 3 * kZ) / (96 * freedom * freedom);
-}
-
-/// Difference of `group` from `first` in `metric` for the same seeds: the number of these seeds,
-/// the mean difference and half of its 95 % interval.
-std::array<Cell, 3> DifferenceFrom(const RunGroup& first, const RunGroup& group,
-                                   const std::string& metric) {
-  const auto by_seeds = [&](const RunGroup& runs) {
-    std::map<double, double> values;
-    for (const LoggedRun& run : runs.runs) {
-      const auto value = run.Last("validation", metric);
-      if (value) values[NumberOf(ValueOf(run, "run.seed")).value_or(-1)] = *value;
-    }
-    return values;
-  };
-  const auto reference = by_seeds(first), own = by_seeds(group);
-  std::vector<double> differences;
-  for (const auto& [seeds, value] : own) {
-    const auto at = reference.find(seeds);
-    if (at != reference.end()) differences.push_back(value - at->second);
-  }
-  const std::size_t n = differences.size();
-  const auto [mean, deviation] = MeanAndDeviation(differences);
-  if (n < 2) return {volalign::CellOf(n), mean, Cell()};
-  return {volalign::CellOf(n), mean,
-          HalfInterval95(n) * std::get<double>(deviation) / std::sqrt(static_cast<double>(n))};
 }
 
 }  // namespace
@@ -269,8 +213,6 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
     table.columns.push_back(metric);
     table.columns.push_back(metric + " std");
   }
-  if (groups.size() > 1)
-    table.columns.insert(table.columns.end(), {"shared seeds", "miou less the first's", "95 % +-"});
   for (const RunGroup& group : groups) {
     std::vector<Cell> row = {group.runs.front().name};
     for (const auto& [key, value] : group.differences) row.emplace_back(value);
@@ -289,11 +231,6 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
       const auto [mean, deviation] = MeanAndDeviation(values);
       row.push_back(mean);
       row.push_back(deviation);
-    }
-    if (&group != &groups.front()) {
-      for (const Cell& cell : DifferenceFrom(groups.front(), group, "miou")) row.push_back(cell);
-    } else if (groups.size() > 1) {
-      row.resize(table.columns.size());
     }
     table.rows.push_back(row);
   }

@@ -44,10 +44,9 @@ struct RunGroup {
 /// Groups runs. Groups are in the order of their first runs.
 std::vector<RunGroup> GroupRuns(const std::vector<LoggedRun>& runs);
 
-/// Keeps only some keys in all groups' `differences`. These are the `wanted` keys, which need not
-/// differ, or else the five keys with the most values. Returns the number of differing keys that
-/// were left out. Throws ConfigError for a key that no run has.
-std::size_t ShowKeys(const std::vector<std::string>& wanted, std::vector<RunGroup>* groups);
+/// Gives all groups these keys as their `differences`, whether they differ or not. Throws
+/// ConfigError for a key that no run has.
+void ShowKeys(const std::vector<std::string>& keys, std::vector<RunGroup>* groups);
 
 /// One row per run: samples, run.samples, the last loss, the last validation, the best miou, and
 /// samples per second.
@@ -55,9 +54,7 @@ Table ListRuns(const std::vector<LoggedRun>& runs);
 
 /// One row per group: the folder of its first run, the keys that differ, the number of runs, and
 /// the fewest samples. Then each metric of the last validation, and samples per second: the mean
-/// over the runs and, for two or more, the standard deviation. All groups but the first have the
-/// difference of their miou from the first group's runs with the same seeds. It is the mean and,
-/// for two seeds or more, half of its 95 % interval (Student's t).
+/// over the runs and, for two or more, the standard deviation.
 Table CompareRuns(const std::vector<RunGroup>& groups);
 
 }  // namespace volalign
