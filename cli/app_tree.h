@@ -25,7 +25,4 @@ void AddExamples(CLI::App* program);
 /// or an option; "" if it left none.
 std::string Misspelled(CLI::App* program);
 
-/// A script for bash that completes sub-commands, options and their choices.
-std::string BashCompletion(CLI::App* program);
-
 }  // namespace volalign

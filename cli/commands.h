@@ -22,7 +22,6 @@ Command AddRunsCommand(CLI::App& program);
 Command AddValidateCommand(CLI::App& program);
 Command AddExportCommand(CLI::App& program);
 Command AddConfigCommand(CLI::App& program);
-Command AddCompletionCommand(CLI::App& program);
 Command AddDoctorCommand(CLI::App& program);
 #ifdef VOLALIGN_HAS_INFER
 Command AddCalibrateCommand(CLI::App& program);

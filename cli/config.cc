@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "cli/app_tree.h"
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "core/base/error.h"
@@ -45,7 +45,7 @@ int PrintKeys() {
   return 0;
 }
 
-/// A kind of file that `config show` resolves. `marks`: beginnings of keys that only it has.
+/// A kind of file that `config show` resolves. `marks`: keys and groups that only it has.
 struct Kind {
   std::string name;
   std::vector<std::string> marks;
@@ -59,23 +59,20 @@ const std::vector<Kind>& Kinds() {
        [](const ConfigSource& source) { return WriteConfig(ReadRig(source)); }},
 #ifdef VOLALIGN_HAS_INFER
       {"calibration",
-       {"initial.", "orientation.", "refine.", "verdict.", "assembly.minimum", "threads"},
+       {"initial", "orientation", "refine", "verdict", "assembly.minimum", "threads"},
        [](const ConfigSource& source) {
          return WriteConfig(ReadConfig<CalibrateOptions>(source));
        }},
 #endif
-      {"recipe", {"data.", "model.", "loss.", "optim.", "run."}, [](const ConfigSource& source) {
+      {"recipe", {"data", "model", "loss", "optim", "run"}, [](const ConfigSource& source) {
          return WriteConfig(ReadTrainConfig(source));
        }}};
   return kinds;
 }
 
 bool HasMark(const ConfigSource& source, const Kind& kind) {
-  for (const auto& leaf : source.Leaves()) {
-    for (const std::string& mark : kind.marks)
-      if (leaf.first.rfind(mark, 0) == 0) return true;
-  }
-  return false;
+  return std::any_of(kind.marks.begin(), kind.marks.end(),
+                     [&](const std::string& mark) { return source.Find(mark) != nullptr; });
 }
 
 /// By `name`, else by the keys of the source.
@@ -110,16 +107,6 @@ Command AddConfigCommand(CLI::App& program) {
             if (*reference) return PrintKeys();
             const ConfigSource source = ReadSource(options->file, options->assignments);
             fmt::print("{}", KindOf(source, options->as).resolve(source));
-            return 0;
-          }};
-}
-
-Command AddCompletionCommand(CLI::App& program) {
-  CLI::App* app = program.add_subcommand("completion", "Print a completion for the shell");
-  app->require_subcommand(1);
-  app->add_subcommand("bash", "A script for bash: sub-commands, options and their choices");
-  return {app, [&program] {
-            fmt::print("{}", BashCompletion(&program));
             return 0;
           }};
 }

@@ -24,8 +24,6 @@ const std::map<std::string, std::string>& Examples() {
       {"init", render + "volalign init out/capture --depth-scale 0.001 -o out/draft.json\n"},
       {"check", calibrate + "volalign check --extrinsics out/calibration/extrinsics.json --capture "
                             "out/capture/capture.json -o out/check\n"},
-      {"completion bash",
-       "volalign completion bash > volalign.bash   # then: source volalign.bash\n"},
       {"config reference", "volalign config reference\n"},
       {"config show", "volalign config show configs/rig_ring4.yaml --set seed=7\n"},
       {"convert",

@@ -47,8 +47,7 @@ std::vector<Command> AddCommands(CLI::App& program) {
 #ifdef VOLALIGN_HAS_INFER
   add("Measure", {AddEvaluateCommand(program)});
 #endif
-  add("Tools",
-      {AddConfigCommand(program), AddCompletionCommand(program), AddDoctorCommand(program)});
+  add("Tools", {AddConfigCommand(program), AddDoctorCommand(program)});
   return commands;
 }
 

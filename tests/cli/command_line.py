@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The command line as a user meets it: examples, data from any folder, misspelled names, completion, the generated page.
+"""The command line as a user meets it: examples, data from any folder, misspelled names, the generated page.
 
     tests/cli/command_line.py VOLALIGN [CLASS]      (the program; WithoutEgl needs mount namespaces)
 """
@@ -94,10 +94,11 @@ class WithoutEgl(InAFolder):
 
 
 class CommandLine(InAFolder):
-    def helps(self):
+    def helps(self, name=""):
         """Sub-command, without groups -> its --help."""
-        names = re.findall(r'^      "(.+)"\) command=', self.expect("completion bash", 0), flags=re.MULTILINE)
-        return {name: self.expect(f"{name} --help", 0) for name in names if not any(other.startswith(f"{name} ") for other in names)}
+        text = self.expect(f"{name} --help", 0)
+        below = [f"{name} {word}".strip() for word in re.findall(r"^  ([a-z]+) {3,}\S", text, flags=re.MULTILINE)]
+        return {key: help for sub in below for key, help in self.helps(sub).items()} if below else {name: text}
 
     def test_every_example_works_in_an_empty_folder(self):
         helps = self.helps()
@@ -158,7 +159,7 @@ class CommandLine(InAFolder):
                 self.assertIn(f"\n  {name}: ", text, line)
 
     def test_groups_end_with_an_example_too(self):
-        for group in ("completion", "config", "structure"):
+        for group in ("config", "structure"):
             lines = self.expect(f"{group} --help", 0).rstrip().splitlines()
             self.assertTrue(lines[-1].startswith(f"  volalign {group} "), lines[-1])
 
@@ -230,21 +231,6 @@ class CommandLine(InAFolder):
         self.expect("config show empty.yaml", 1, "--as")
         self.expect("config show empty.yaml --as calibration", 0, "verdict:")
 
-    def test_completion(self):
-        self.expect("completion bash > completion.bash", 0)
-
-        def complete(*words):
-            line = " ".join(f"'{word}'" for word in words)
-            script = f"source completion.bash; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _volalign; echo ${{COMPREPLY[@]}}"
-            done = subprocess.run(["bash", "-c", script], cwd=self.folder, stdout=subprocess.PIPE, text=True, check=True)
-            return done.stdout.split()
-
-        self.assertEqual(complete("volalign", "cali"), ["calibrate"])
-        self.assertEqual(sorted(complete("volalign", "structure", "")[:2]), ["build", "show"])
-        self.assertIn("--capture", complete("volalign", "calibrate", "--cap"))
-        self.assertEqual(complete("volalign", "calibrate", "--initial", "geo"), ["geometry"])
-        self.assertEqual(complete("volalign", "calibrate", "--output", "x"), [])
-
     def test_doctor(self):
         self.expect("doctor", 0, "LibTorch", "Ceres", "renderer", "classes", "everything is there")
         self.expect("doctor --model none.pt", 2, "MISSING", "none.pt")
@@ -283,7 +269,6 @@ class CommandLine(InAFolder):
         output, seen = self.on_terminal(arguments + "seen")
         for stage in (b"first poses", b"all sensors together", b"writing poses"):
             self.assertIn(stage, seen)
-        self.assertRegex(seen, rb"writing poses[^\r]*, about \d+ seconds? left")
         self.assertTrue(seen.endswith(b"\r\x1b[K"), seen[-80:])
         self.assertIn("4 of 4 sensors placed", output)
         for command, part in (
@@ -451,7 +436,7 @@ class CommandLine(InAFolder):
             ("GALLIUM_DRIVER=softpipe", "softpipe, gives OpenGL "),
         ):
             name, value = variable.split("=")
-            self.expect(render, 1, part, f"the environment has {variable}: try without", "--renderer cpu", **{name: value})
+            self.expect(render, 1, part, "--renderer cpu", **{name: value})
 
     def test_a_copied_program_says_where_its_data_may_be(self):
         shutil.copy(PROGRAM, self.path("copy"))

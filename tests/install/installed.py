@@ -115,11 +115,6 @@ class Installed(InAPrefix):
         sensors = json.loads(text_of(os.path.join(self.work, "out", "extrinsics.json")))["sensors"]
         self.assertEqual([sensor["status"] for sensor in sensors.values()], ["ok"] * 4)
 
-    def test_completion(self):
-        file = os.path.join(self.prefix, "share", "bash-completion", "completions", "volalign")
-        said = self.run_in_work("bash", "-c", f"source '{file}'; COMP_WORDS=(volalign cali); COMP_CWORD=1; _volalign; echo ${{COMPREPLY[@]}}")
-        self.assertEqual(said.split(), ["calibrate"])
-
 
 class WithoutSource(Installed):
     @classmethod
