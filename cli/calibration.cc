@@ -40,18 +40,6 @@ CalibrateOptions Resolve(const CalibrationRequest& request) {
   return config;
 }
 
-constexpr char kWriting[] = "writing poses, pictures, clouds and the report";
-
-/// Share of a calibration's time that is over when a stage begins, with a network and without. They
-/// are means over rigs of 4 to 8 sensors and predict the whole time to a factor of about two. 0 if
-/// too little is over.
-double ShareDone(const std::string& stage, bool network) {
-  if (stage == "each sensor by itself") return network ? 0.46 : 0.22;
-  if (stage == "all sensors together") return network ? 0.59 : 0.41;
-  if (stage == "residuals and verdict") return network ? 0.84 : 0.76;
-  return stage == kWriting ? (network ? 0.87 : 0.80) : 0;
-}
-
 struct Labeller {
   std::unique_ptr<NetworkSegmenter> network;  ///< null: the structure's shape alone
   std::string choice;                         ///< which one and why, for a person
@@ -257,9 +245,7 @@ WrittenCalibration RunCalibration(const CalibrationRequest& request,
   }
   WrittenCalibration out{
       CalibrateFiles(std::move(captures), request.captures, structure, segmenter, config,
-                     [&](const std::string& stage) {
-                       line.Begin(stage, ShareDone(stage, segmenter != nullptr));
-                     }),
+                     [&](const std::string& stage) { line.Begin(stage); }),
       ""};
   if (!given && 2 * out.result.placed() < static_cast<int>(out.result.sensors.size())) {
     out.result.findings.insert(out.result.findings.begin(),
@@ -277,7 +263,7 @@ WrittenCalibration RunCalibration(const CalibrationRequest& request,
   ReportRun report{CommandLine(), out.options, NextCommands(request)};
   if (complete) complete(out, &report);
   if (folder) {
-    line.Begin(kWriting, ShareDone(kWriting, segmenter != nullptr));
+    line.Begin("writing poses, pictures, clouds and the report");
     SaveCommand(folder->draft());
     WriteCalibration(*folder, out, request.no_report ? std::nullopt : std::optional(report));
     out.written = fmt::format(

@@ -1,12 +1,8 @@
 #include "cli/table_output.h"
 
 #include <fmt/format.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <cstdio>
-
-#include "core/base/text.h"
 
 namespace volalign {
 
@@ -18,11 +14,7 @@ void TableOutput::AddOptions(CLI::App* app) {
 }
 
 void TableOutput::Print(const std::string& text, const Table& table) const {
-  const std::string shown = format() == TableFormat::kText ? text : FormatTable(table, format());
-  winsize size{};
-  const bool terminal = ::isatty(STDOUT_FILENO) == 1 && format() == TableFormat::kText &&
-                        ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  fmt::print("{}", terminal ? Wrapped(shown, size.ws_col) : shown);
+  fmt::print("{}", format() == TableFormat::kText ? text : FormatTable(table, format()));
   std::fflush(stdout);
 }
 

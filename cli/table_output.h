@@ -7,8 +7,8 @@
 
 namespace volalign {
 
-/// The output of a command with a table: text with the table in it, wrapped for a terminal, or,
-/// with --json or --csv, the table alone.
+/// The output of a command with a table: text with the table in it or, with --json or --csv, the
+/// table alone.
 class TableOutput {
  public:
   void AddOptions(CLI::App* app);

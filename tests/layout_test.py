@@ -264,7 +264,7 @@ def check_lines():
             # Tests may use ../shared, where real frames may lie.
             if any(re.search(citation, line) for citation in CITATIONS[path.startswith("tests/") :]):
                 yield f"{path}:{number} cites what is not in the repository: {line.strip()}"
-            if path.endswith(".md") and len(line) > LINE:
+            if path.endswith(".md") and path != "docs/config.md" and len(line) > LINE:
                 yield f"{path}:{number} has {len(line)} characters, more than {LINE}"
 
 

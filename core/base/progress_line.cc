@@ -61,24 +61,14 @@ void ProgressLine::Stop() {
   std::fflush(stderr);
 }
 
-void ProgressLine::Begin(const std::string& what, double share_done) {
-  Show(what, 0, 0, "", share_done);
-}
-
 void ProgressLine::Count(const std::string& what, std::int64_t done, std::int64_t total,
                          const std::string& note) {
-  Show(what, done, total, note, 0);
-}
-
-void ProgressLine::Show(const std::string& what, std::int64_t done, std::int64_t total,
-                        const std::string& note, double share_done) {
   if (!shown_) return;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (Printable(what) != what_ || total != total_) {
       what_ = Printable(what);
       total_ = total;
-      share_done_ = share_done;
       first_ = done;
       began_ = Clock::now();
     }
@@ -110,10 +100,6 @@ std::string ProgressLine::Text() const {
       text +=
           fmt::format(", about {} left", RoundDuration(each * static_cast<double>(total_ - done_)));
     }
-  } else if (share_done_ > 0) {
-    const double all = std::chrono::duration<double>(began_ - start_).count() / share_done_;
-    const double left = all - seconds_since(start_);
-    if (left > 0) text += fmt::format(", about {} left", RoundDuration(left));
   }
   return text + (note_.empty() ? " ..." : "; " + note_);
 }

@@ -30,9 +30,8 @@ class ProgressLine {
 
   bool shown() const { return shown_; }
 
-  /// Begins work of unknown size. `share_done`, if above 0, is the share of the total time that has
-  /// usually passed by now. The time left is then predicted from the time so far.
-  void Begin(const std::string& what, double share_done = 0);
+  /// Begins work of unknown size.
+  void Begin(const std::string& what) { Count(what, 0, 0); }
   /// Reports progress. The first call's `done` was done before. `note` follows the numbers.
   void Count(const std::string& what, std::int64_t done, std::int64_t total,
              const std::string& note = "");
@@ -46,8 +45,6 @@ class ProgressLine {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void Show(const std::string& what, std::int64_t done, std::int64_t total, const std::string& note,
-            double share_done);
   void Run();
   std::string Text() const;
 
@@ -57,7 +54,6 @@ class ProgressLine {
   std::condition_variable wake_;
   std::string what_, note_;
   std::int64_t first_ = 0, done_ = 0, total_ = 0;  // of what_; total_ is 0 if unknown
-  double share_done_ = 0;                          // when what_ began, or 0
   Clock::time_point began_;
   bool stop_ = false;
   std::thread thread_;

@@ -90,24 +90,6 @@ std::vector<std::string> Split(const std::string& text, char separator) {
 
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
 
-std::string Wrapped(const std::string& text, std::size_t width) {
-  std::string wrapped;
-  for (std::string line : Split(text, '\n')) {
-    std::string indent;
-    while (line.size() > width) {
-      std::size_t at = line.rfind(' ', width);
-      if (at == std::string::npos || at < indent.size()) at = line.find(' ', width);
-      if (at == std::string::npos) break;
-      wrapped += line.substr(0, at) + "\n";
-      indent = "  ";
-      line = indent + line.substr(at + 1);
-    }
-    wrapped += line + "\n";
-  }
-  wrapped.pop_back();
-  return wrapped;
-}
-
 std::string Indented(const std::string& text, const std::string& indent) {
   std::string indented;
   std::istringstream lines(text);
@@ -206,23 +188,6 @@ std::string CsvQuoted(const std::string& text) {
 
 std::string CsvText(const std::string& field) {
   return field.rfind('\'', 0) == 0 && IsFormula(field.substr(1)) ? field.substr(1) : field;
-}
-
-std::string MarkdownParagraph(const std::string& text, const std::string& bullet) {
-  constexpr std::size_t kMostBytes = 160;
-  std::string paragraph, line = bullet;
-  std::istringstream words(text);
-  for (std::string word; words >> word;) {
-    const bool marks = std::string("-+*#>|=").find(word[0]) != std::string::npos ||
-                       std::isdigit(static_cast<unsigned char>(word[0]));
-    if (line.size() > bullet.size() && !marks && line.size() + 1 + word.size() > kMostBytes) {
-      paragraph += line + "\n";
-      line = std::string(bullet.size(), ' ') + word;
-    } else {
-      line += (line.size() > bullet.size() ? " " : "") + word;
-    }
-  }
-  return paragraph + line + "\n";
 }
 
 }  // namespace volalign

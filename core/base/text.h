@@ -18,10 +18,6 @@ std::vector<std::string> Split(const std::string& text, char separator);
 /// The text up to the first line feed. Libraries put traces behind it.
 std::string FirstLine(const std::string& text);
 
-/// Breaks longer lines at blanks into lines of at most `width` bytes, if no word is longer. All but
-/// the first are indented by two.
-std::string Wrapped(const std::string& text, std::size_t width);
-
 /// Puts `indent` before every line that is not empty. Every line is ended.
 std::string Indented(const std::string& text, const std::string& indent);
 
@@ -76,10 +72,5 @@ void RequirePlainText(const std::string& text, const std::string& place);
 std::string CsvQuoted(const std::string& text);
 /// The inverse of CsvQuoted, for a field without its quotes.
 std::string CsvText(const std::string& field);
-
-/// A paragraph of Markdown, ended, in lines of at most 160 bytes if no word is longer. With a
-/// bullet ("- ") an item of a list. No line begins as a list, a heading, a quotation or a table of
-/// Markdown would.
-std::string MarkdownParagraph(const std::string& text, const std::string& bullet = "");
 
 }  // namespace volalign

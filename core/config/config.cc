@@ -408,8 +408,7 @@ void KeyLister::Leaf(const std::string& name, const Json& value, const char* mea
     if (!check.text.empty()) limits += (limits.empty() ? "; " : ", ") + check.text;
   }
   const std::string text = FlowText(value), shown = text.empty() ? "empty" : "`" + text + "`";
-  text_ += MarkdownParagraph(
-      fmt::format("`{}{}` ({}{}): {}", prefix_, name, shown, limits, meaning), "- ");
+  text_ += fmt::format("- `{}{}` ({}{}): {}\n", prefix_, name, shown, limits, meaning);
 }
 
 }  // namespace volalign

@@ -42,11 +42,10 @@ class Events(InAFolder):
         # No limit to what is kept in memory.
         events = EventAccumulator(self.path("run/tensorboard"), size_guidance={"scalars": 0, "images": 0, "tensors": 0})
         events.Reload()
-        for key in ("loss", "loss_seg", "loss_3d", "degenerate", "gradient_norm", "lr", "samples_per_s"):
-            tag = ("speed/" if key == "samples_per_s" else "train/") + key
-            same(events.Scalars(tag), training, key, tag)
+        for key in ("loss", "loss_seg", "loss_3d", "degenerate", "gradient_norm", "skipped", "lr", "samples_per_s"):
+            same(events.Scalars("train/" + key), training, key, "train/" + key)
         for part in ("data", "forward", "loss", "backward", "optim"):
-            same(events.Scalars(f"speed/{part}_s"), [{**row, part: row["step_s"][part]} for row in training], part, part)
+            same(events.Scalars(f"train/step_s/{part}"), [{**row, part: row["step_s"][part]} for row in training], part, part)
         for key in ("loss_seg", "miou", "miou_authors", "posed"):
             same(events.Scalars("validation/" + key), validation, key, "validation/" + key)
         pictures = events.Images("validation/depth, labels, predicted")

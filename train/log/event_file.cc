@@ -10,23 +10,10 @@
 #include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/formats/image_io.h"
+#include "event.pb.h"
 
 namespace volalign {
 namespace {
-
-// Field numbers of tensorflow/core/util/event.proto and
-// framework/{summary,tensor,tensor_shape}.proto.
-enum EventField { kWallTime = 1, kStep = 2, kFileVersion = 3, kSummary = 5, kSessionLog = 7 };
-enum SessionLogField { kStatus = 1 };
-enum SummaryField { kValue = 1 };
-enum ValueField { kTag = 1, kSimpleValue = 2, kImage = 4, kTensor = 8, kMetadata = 9 };
-enum ImageField { kHeight = 1, kWidth = 2, kColourSpace = 3, kEncoded = 4 };
-enum MetadataField { kPluginData = 1, kDataClass = 4 };
-enum PluginField { kPluginName = 1 };
-enum TensorField { kType = 1, kShape = 2, kStringValue = 8 };
-enum ShapeField { kDimension = 2 };
-enum DimensionField { kSize = 1 };
-constexpr int kStatusStart = 1, kRgb = 3, kStringType = 7, kTensorClass = 2;
 
 /// All supported machines have this byte order.
 template <class T>
@@ -36,53 +23,22 @@ std::string LittleEndian(T value) {
   return bytes;
 }
 
-/// A protocol buffer's message, field by field.
-class Message {
- public:
-  Message& Integer(int field, std::int64_t value) {
-    Varint(static_cast<std::uint64_t>(field) << 3);
-    Varint(static_cast<std::uint64_t>(value));
-    return *this;
-  }
-  Message& Double(int field, double value) {
-    Varint(static_cast<std::uint64_t>(field) << 3 | 1);
-    return Raw(value);
-  }
-  Message& Float(int field, float value) {
-    Varint(static_cast<std::uint64_t>(field) << 3 | 5);
-    return Raw(value);
-  }
-  Message& Bytes(int field, std::string_view bytes) {
-    Varint(static_cast<std::uint64_t>(field) << 3 | 2);
-    Varint(bytes.size());
-    bytes_.append(bytes);
-    return *this;
-  }
-  Message& Nested(int field, const Message& message) { return Bytes(field, message.bytes_); }
-  const std::string& bytes() const { return bytes_; }
-
- private:
-  void Varint(std::uint64_t value) {
-    for (; value >= 128; value >>= 7) bytes_.push_back(static_cast<char>((value & 127) | 128));
-    bytes_.push_back(static_cast<char>(value));
-  }
-  template <class T>
-  Message& Raw(T value) {
-    bytes_ += LittleEndian(value);
-    return *this;
-  }
-
-  std::string bytes_;
-};
-
 double Now() {
   return std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
 }
 
-Message Event(std::int64_t step) {
-  Message event;
-  event.Double(kWallTime, Now()).Integer(kStep, step);
+tensorboard::Event EventAt(std::int64_t step) {
+  tensorboard::Event event;
+  event.set_wall_time(Now());
+  event.set_step(step);
   return event;
+}
+
+/// Appends a value to an event.
+tensorboard::Value& Add(const std::string& tag, tensorboard::Event* event) {
+  tensorboard::Value& value = *event->mutable_summary()->add_value();
+  value.set_tag(tag);
+  return value;
 }
 
 std::string HostName() {
@@ -123,44 +79,47 @@ EventFile::EventFile(const std::filesystem::path& folder) {
                                  ::getpid(), number++);
   } while (std::filesystem::exists(path_));
   file_.open(path_, std::ios::binary);
-  Message version;
-  Write(version.Double(kWallTime, now).Bytes(kFileVersion, "brain.Event:2").bytes());
+  tensorboard::Event version;
+  version.set_wall_time(now);
+  version.set_file_version("brain.Event:2");
+  Write(version.SerializeAsString());
 }
 
 void EventFile::Restart(std::int64_t step) {
-  Write(Event(step).Nested(kSessionLog, Message().Integer(kStatus, kStatusStart)).bytes());
+  tensorboard::Event event = EventAt(step);
+  event.mutable_session_log()->set_status(tensorboard::SessionLog::START);
+  Write(event.SerializeAsString());
 }
 
 void EventFile::Scalars(std::int64_t step,
                         const std::vector<std::pair<std::string, double>>& values) {
-  Message summary;
-  for (const auto& [tag, value] : values) {
-    summary.Nested(kValue,
-                   Message().Bytes(kTag, tag).Float(kSimpleValue, static_cast<float>(value)));
-  }
-  Write(Event(step).Nested(kSummary, summary).bytes());
+  tensorboard::Event event = EventAt(step);
+  for (const auto& [tag, value] : values)
+    Add(tag, &event).set_simple_value(static_cast<float>(value));
+  Write(event.SerializeAsString());
 }
 
 void EventFile::Picture(std::int64_t step, const std::string& tag, const RgbImage& picture) {
-  Message image;
-  image.Integer(kHeight, picture.height())
-      .Integer(kWidth, picture.width())
-      .Integer(kColourSpace, kRgb)
-      .Bytes(kEncoded, EncodePng(picture));
-  const Message value = Message().Bytes(kTag, tag).Nested(kImage, image);
-  Write(Event(step).Nested(kSummary, Message().Nested(kValue, value)).bytes());
+  constexpr int kRgb = 3;
+  tensorboard::Event event = EventAt(step);
+  tensorboard::Image& image = *Add(tag, &event).mutable_image();
+  image.set_height(picture.height());
+  image.set_width(picture.width());
+  image.set_colorspace(kRgb);
+  image.set_encoded_image_string(EncodePng(picture));
+  Write(event.SerializeAsString());
 }
 
 void EventFile::Text(std::int64_t step, const std::string& tag, const std::string& markdown) {
-  Message metadata, tensor;
-  metadata.Nested(kPluginData, Message().Bytes(kPluginName, "text"))
-      .Integer(kDataClass, kTensorClass);
-  tensor.Integer(kType, kStringType)
-      .Nested(kShape, Message().Nested(kDimension, Message().Integer(kSize, 1)))
-      .Bytes(kStringValue, markdown);
-  const Message value =
-      Message().Bytes(kTag, tag).Nested(kTensor, tensor).Nested(kMetadata, metadata);
-  Write(Event(step).Nested(kSummary, Message().Nested(kValue, value)).bytes());
+  constexpr int kString = 7, kTensorClass = 2;
+  tensorboard::Event event = EventAt(step);
+  tensorboard::Value& value = Add(tag, &event);
+  value.mutable_metadata()->mutable_plugin_data()->set_plugin_name("text");
+  value.mutable_metadata()->set_data_class(kTensorClass);
+  value.mutable_tensor()->set_dtype(kString);
+  value.mutable_tensor()->mutable_tensor_shape()->add_dim()->set_size(1);
+  value.mutable_tensor()->add_string_val(markdown);
+  Write(event.SerializeAsString());
 }
 
 void EventFile::Write(const std::string& event) {

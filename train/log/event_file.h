@@ -15,9 +15,8 @@ namespace volalign {
 /// Castagnoli's CRC-32, as in the records of an event file.
 std::uint32_t Crc32c(std::string_view bytes);
 
-/// A TensorBoard event file: TFRecord frames of `Event` protocol buffers, written field by field.
-/// TensorFlow's record_writer.cc, event.proto and summary.proto define them. Events are flushed one
-/// by one. Throws IoError if writing fails.
+/// A TensorBoard event file: TFRecord frames (TensorFlow's record_writer.cc) of the messages of
+/// event.proto. Events are flushed one by one. Throws IoError if writing fails.
 class EventFile {
  public:
   /// A new file in `folder`. It sorts after those of earlier writers, in the order in which

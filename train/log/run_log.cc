@@ -206,8 +206,7 @@ Table CompareRuns(const std::vector<RunGroup>& groups) {
   table.columns.emplace_back("run");
   for (const auto& [key, unused] : groups.front().differences) table.columns.push_back(key);
   table.columns.insert(table.columns.end(), {"runs", "samples"});
-  std::vector<std::string> metrics;
-  for (const char* metric : kValidationMetrics) metrics.emplace_back(metric);
+  std::vector<std::string> metrics(kValidationMetrics.begin(), kValidationMetrics.end());
   metrics.emplace_back("samples_per_s");
   for (const std::string& metric : metrics) {
     table.columns.push_back(metric);

@@ -18,6 +18,46 @@ namespace volalign {
 
 using nlohmann::json;
 
+namespace {
+
+json RowOf(const TrainRow& row) {
+  const StepReport& mean = row.mean;
+  json j = {{"type", "train"},
+            {"step", row.step},
+            {"samples", row.samples},
+            {"loss", mean.loss},
+            {"degenerate", mean.degenerate_samples},
+            {"gradient_norm", mean.gradient_norm},
+            {"skipped", mean.skipped},
+            {"lr", row.lr},
+            {"samples_per_s", row.samples_per_s}};
+  for (const auto& [name, part] : kStepParts) j["step_s"][name] = mean.times.*part;
+  for (const auto& [name, value] : mean.terms) j[name] = value;
+  return j;
+}
+
+json RowOf(const ValidationRow& row) {
+  const ValidationResult& v = row.result;
+  json j = {{"type", "validation"},
+            {"step", row.step},
+            {"samples", row.samples},
+            {"validation_samples", v.samples},
+            {"posed", v.samples_with_pose}};
+  for (const auto& [name, value] : v.means) j[name] = value;
+  return j;
+}
+
+/// The numbers of a row by TensorBoard's tags, such as train/loss and train/step_s/data.
+std::vector<std::pair<std::string, double>> ScalarsOf(const json& row) {
+  std::vector<std::pair<std::string, double>> scalars;
+  const json flat = row.flatten();
+  for (const auto& [path, value] : flat.items())
+    if (value.is_number()) scalars.emplace_back(row["type"].get<std::string>() + path, value);
+  return scalars;
+}
+
+}  // namespace
+
 JsonlSink::JsonlSink(const std::filesystem::path& path, std::int64_t samples)
     : path_(path.string()) {
   std::string kept;
@@ -40,32 +80,9 @@ void JsonlSink::Write(const std::string& row) {
   if (!file_) throw IoError(fmt::format("{}: writing failed: is the disk full?", path_));
 }
 
-void JsonlSink::Train(const TrainRow& row) {
-  const StepReport& mean = row.mean;
-  json j = {{"type", "train"},
-            {"step", row.step},
-            {"samples", row.samples},
-            {"loss", mean.loss},
-            {"degenerate", mean.degenerate_samples},
-            {"gradient_norm", mean.gradient_norm},
-            {"skipped", mean.skipped},
-            {"lr", row.lr},
-            {"samples_per_s", row.samples_per_s}};
-  for (const auto& [name, part] : kStepParts) j["step_s"][name] = mean.times.*part;
-  for (const auto& [name, value] : mean.terms) j[name] = value;
-  Write(j.dump());
-}
+void JsonlSink::Train(const TrainRow& row) { Write(RowOf(row).dump()); }
 
-void JsonlSink::Validation(const ValidationRow& row) {
-  const ValidationResult& v = row.result;
-  json j = {{"type", "validation"},
-            {"step", row.step},
-            {"samples", row.samples},
-            {"validation_samples", v.samples},
-            {"posed", v.samples_with_pose}};
-  for (const auto& [name, value] : v.means) j[name] = value;
-  Write(j.dump());
-}
+void JsonlSink::Validation(const ValidationRow& row) { Write(RowOf(row).dump()); }
 
 void ProgressSink::Train(const TrainRow& row) {
   const std::string text = fmt::format("loss {:.4f}{}  {:.1f} samples/s  lr {:.2e}", row.mean.loss,
@@ -97,13 +114,6 @@ void ProgressSink::Validation(const ValidationRow& row) {
 
 void ProgressSink::Line(const std::string& text) { line_.Say(text); }
 
-namespace {
-
-/// Range of colours for depth, m.
-constexpr double kNear = 0.5, kFar = 4;
-
-}  // namespace
-
 TensorBoardSink::TensorBoardSink(const std::filesystem::path& folder,
                                  const std::string& config_yaml, std::int64_t samples)
     : file_(folder) {
@@ -113,30 +123,19 @@ TensorBoardSink::TensorBoardSink(const std::filesystem::path& folder,
 }
 
 void TensorBoardSink::Train(const TrainRow& row) {
-  const StepReport& mean = row.mean;
-  std::vector<std::pair<std::string, double>> scalars = {
-      {"train/loss", mean.loss},
-      {"train/degenerate", static_cast<double>(mean.degenerate_samples)},
-      {"train/gradient_norm", mean.gradient_norm},
-      {"train/lr", row.lr},
-      {"speed/samples_per_s", row.samples_per_s}};
-  for (const auto& [name, part] : kStepParts)
-    scalars.emplace_back(fmt::format("speed/{}_s", name), mean.times.*part);
-  for (const auto& [name, value] : mean.terms) scalars.emplace_back("train/" + name, value);
-  file_.Scalars(row.samples, scalars);
+  file_.Scalars(row.samples, ScalarsOf(RowOf(row)));
 }
 
 void TensorBoardSink::Validation(const ValidationRow& row) {
   const ValidationResult& v = row.result;
-  std::vector<std::pair<std::string, double>> scalars = {{"validation/posed", v.samples_with_pose}};
-  for (const auto& [name, value] : v.means) scalars.emplace_back("validation/" + name, value);
-  file_.Scalars(row.samples, scalars);
+  file_.Scalars(row.samples, ScalarsOf(RowOf(row)));
   if (!v.examples.empty()) {
     file_.Picture(row.samples, "validation/depth, labels, predicted", LabelPictures(v.examples));
   }
 }
 
 RgbImage LabelPictures(const std::vector<LabelExample>& examples) {
+  constexpr double kNear = 0.5, kFar = 4;  // m, the range of the colours of depth
   std::vector<RgbImage> pictures;
   for (const LabelExample& example : examples) {
     pictures.push_back(ColourDepth(example.depth, kNear, kFar));
