@@ -6,11 +6,9 @@
 #include <torch/version.h>
 #include <unistd.h>
 
-#include <Eigen/Core>
 #include <fstream>
 #include <functional>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
@@ -33,17 +31,11 @@ namespace volalign {
 namespace {
 
 std::string Libraries() {
-  std::string text = fmt::format(
-      "LibTorch {}, Eigen {}.{}.{}, fmt {}.{}.{}, JSON {}.{}.{}, CLI11 {}", TORCH_VERSION,
-      EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION, EIGEN_MINOR_VERSION, FMT_VERSION / 10000,
-      FMT_VERSION / 100 % 100, FMT_VERSION % 100, NLOHMANN_JSON_VERSION_MAJOR,
-      NLOHMANN_JSON_VERSION_MINOR, NLOHMANN_JSON_VERSION_PATCH, CLI11_VERSION);
 #ifdef VOLALIGN_HAS_INFER
-  text += ", Ceres " + CeresVersion();
+  return "LibTorch " TORCH_VERSION ", Ceres " + CeresVersion();
 #else
-  text += "; built without calibration (VOLALIGN_INFER=OFF)";
+  return "LibTorch " TORCH_VERSION "; built without calibration (VOLALIGN_INFER=OFF)";
 #endif
-  return text;
 }
 
 /// Its name, and the instruction sets for which there are kernels. Throws Error if it has not those

@@ -45,7 +45,8 @@ std::vector<Eigen::Vector3d> SeparatingDirections(const Box& a, const Box& b) {
   return directions;
 }
 
-/// The widest gap along the separating directions: the distance of the boxes. `level`: along those
+constexpr bool kLevel = true;
+/// The widest gap along the separating directions: the distance of the boxes. kLevel: along those
 /// that are level, as seen from above.
 double Gap(const Box& a, const Box& b, bool level = false) {
   double widest = -1e9;
@@ -55,8 +56,6 @@ double Gap(const Box& a, const Box& b, bool level = false) {
   }
   return widest;
 }
-
-double LevelGap(const Box& a, const Box& b) { return Gap(a, b, true); }
 
 bool IsUpright(const Box& box) {
   return box.structure_from_box.linear().row(1).cwiseAbs().maxCoeff() > kUpright;
@@ -161,7 +160,7 @@ class Stack {
     for (const Box& other : boxes_) {
       const double height = BoundsOf(other).max().y();
       if (&other == &box || height > bottom || height < top ||
-          LevelGap(other, box) >= -kStackTolerance)
+          Gap(other, box, kLevel) >= -kStackTolerance)
         continue;
       below = &other;
       top = height;
@@ -177,7 +176,7 @@ class Stack {
   void FindGaps(std::size_t b) {
     for (std::size_t a = 0; a < b; ++a) {
       if (boxes_[a].mesh || boxes_[b].mesh) continue;
-      const double gap = LevelGap(boxes_[a], boxes_[b]);
+      const double gap = Gap(boxes_[a], boxes_[b], kLevel);
       if (gap <= kStackTolerance || gap > kWidestSlip ||
           GapAlong(boxes_[a], boxes_[b], Eigen::Vector3d::UnitY()) > -kStackTolerance)
         continue;
@@ -205,7 +204,7 @@ bool RestsOn(const Box& box, const Box& below) {
   if (&below == &box) return false;
   if (IsUpright(below) && IsUpright(box)) {
     return std::abs(BoundsOf(below).max().y() - BoundsOf(box).min().y()) <= kStackTolerance &&
-           LevelGap(below, box) < -kStackTolerance;
+           Gap(below, box, kLevel) < -kStackTolerance;
   }
   return Gap(below, box) <= kStackTolerance &&
          below.structure_from_box.translation().y() < box.structure_from_box.translation().y();

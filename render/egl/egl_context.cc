@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "core/base/error.h"
-#include "core/base/text.h"
 
 namespace volalign {
 namespace {
@@ -102,19 +101,6 @@ void KeepMesaFromForeignLlvm() {
 }
 
 constexpr char kWithout[] = "or render without OpenGL: --renderer cpu, renderer=cpu in a recipe";
-
-/// Variables that change EGL's choice of driver and its functions.
-std::string Environment() {
-  std::string set;
-  for (const char* name :
-       {"MESA_GL_VERSION_OVERRIDE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE",
-        "LIBGL_ALWAYS_SOFTWARE", "LIBGL_DRIVERS_PATH", "EGL_PLATFORM", "__EGL_VENDOR_LIBRARY_DIRS",
-        "__EGL_VENDOR_LIBRARY_FILENAMES"}) {
-    if (const char* value = std::getenv(name))
-      set += fmt::format("{}{}={}", set.empty() ? "" : ", ", name, Shortened(value));
-  }
-  return set.empty() ? "" : fmt::format("; the environment has {}: try without", set);
-}
 
 /// The reason why the surfaceless display, the last one to be tried, gives no OpenGL 4.5.
 std::string Cause(const Display& display) {
@@ -210,15 +196,15 @@ EglContext::EglContext(const EglContextOptions& options) {
   if (context_ == EGL_NO_CONTEXT && options.device >= 0) {
     throw IoError(
         fmt::format("EGL: no OpenGL 4.5 context on device {}; use the default device, or check its "
-                    "driver{}, {}",
-                    options.device, Environment(), kWithout));
+                    "driver, {}",
+                    options.device, kWithout));
   }
   if (context_ != EGL_NO_CONTEXT) return;
   const Display surfaceless = DisplayOf(table, nullptr);
   open(surfaceless);
   if (context_ == EGL_NO_CONTEXT) {
-    throw IoError(fmt::format("EGL: OpenGL 4.5 is needed, and {}{}; {}", Cause(surfaceless),
-                              Environment(), kWithout));
+    throw IoError(
+        fmt::format("EGL: OpenGL 4.5 is needed, and {}; {}", Cause(surfaceless), kWithout));
   }
 }
 
