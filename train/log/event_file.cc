@@ -1,5 +1,6 @@
 #include "train/log/event_file.h"
 
+#include <event.pb.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -10,7 +11,6 @@
 #include "core/base/error.h"
 #include "core/base/folder.h"
 #include "core/formats/image_io.h"
-#include "event.pb.h"
 
 namespace volalign {
 namespace {
