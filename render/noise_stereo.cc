@@ -77,13 +77,13 @@ MatchedView DilateForeground(const RenderedView& view, double scale, bool known,
   const auto columns = static_cast<std::size_t>(width);
   std::vector<float> dither(columns);
   std::vector<std::int32_t> source(columns);
-  std::vector<std::uint8_t> nearer(columns + 7);
+  std::vector<std::uint8_t> nearer(columns);
   for (int v = 0; v < height; ++v) {
     const std::size_t first = static_cast<std::size_t>(v) * columns;
     pixel.Uniforms(first, width, dither.data());
     TakeForeground(view.depth.data(), width, height, v, &du[first], &dv[first], dither.data(),
                    static_cast<float>(scale), source.data(), nearer.data());
-    ForEachSet(nearer, width, [&](int u) {
+    ForEachSet(nearer, [&](int u) {
       const std::size_t i = first + static_cast<std::size_t>(u);
       const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(u)]);
       if (view.faces[from] == view.faces[i]) return;
@@ -235,18 +235,11 @@ VOLALIGN_CLONES void MatchOf(const MatchRow& row, float* __restrict depth,
     depth[u] = (valid & !lost) ? measured : z;
   }
   // Column of the right image that a surface further right covers already: only the left camera
-  // sees surfaces behind it. Within eight pixels first, so that the processor works on several
-  // groups at once.
-  float beyond = 1e9F;
-  for (int end = count; end > 0;) {
-    const int begin = std::max(end - 8, 0);
-    float within = kInfinite;
-    for (int u = end - 1; u >= begin; --u) {
-      covered[u] = std::min(within, beyond);
-      within = std::min(within, column[u]);
-    }
-    beyond = std::min(beyond, within);
-    end = begin;
+  // sees surfaces behind it.
+  float beyond = kInfinite;
+  for (int u = count - 1; u >= 0; --u) {
+    covered[u] = beyond;
+    beyond = std::min(beyond, column[u]);
   }
   for (int u = 0; u < count; ++u) {
     const bool found = (seen[u] > 0) & !(column[u] > covered[u] + row.margin);
