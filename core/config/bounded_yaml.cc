@@ -4,9 +4,9 @@
 #include <yaml-cpp/depthguard.h>
 #include <yaml-cpp/yaml.h>
 
-#include <optional>
 #include <vector>
 
+#include "core/base/error.h"
 #include "core/base/file_limits.h"
 #include "core/base/number.h"
 
@@ -34,6 +34,25 @@ void Count(const YAML::Node& node, int depth, std::size_t* nodes) {
       Count(item.second, depth + 1, nodes);
     }
   }
+}
+
+nlohmann::json TreeOf(const YAML::Node& node) {
+  nlohmann::json tree;
+  if (node.IsScalar()) {
+    tree = node.Scalar();
+    const bool quoted = node.Tag() == "!";
+    if (const auto number = NumberOf(node.Scalar()); number && !quoted) tree = *number;
+  } else if (node.IsSequence()) {
+    tree = nlohmann::json::array();
+    for (const YAML::Node& item : node) tree.push_back(TreeOf(item));
+  } else if (node.IsMap()) {
+    tree = nlohmann::json::object();
+    for (const auto& item : node) {
+      if (!tree.emplace(item.first.Scalar(), TreeOf(item.second)).second)
+        throw YAML::ParserException(item.first.Mark(), "a key stands twice, or two are no words");
+    }
+  }
+  return tree;
 }
 
 }  // namespace
@@ -64,34 +83,14 @@ YAML::Node LoadYaml(const std::string& text, YamlDocuments documents) {
   return root;
 }
 
-double YamlNumber(const YAML::Node& node) {
-  const std::optional<double> number = NumberOf(node.Scalar());
-  if (!number) throw YAML::BadConversion(node.Mark());
-  return *number;
-}
-
-std::vector<double> YamlNumbers(const YAML::Node& list) {
-  if (!list.IsSequence()) throw YAML::BadConversion(list.Mark());
-  std::vector<double> numbers;
-  for (const YAML::Node& item : list) numbers.push_back(YamlNumber(item));
-  return numbers;
-}
-
-std::string YamlProblem(const YAML::Exception& error) {
-  if (dynamic_cast<const YAML::InvalidNode*>(&error) != nullptr) {
-    const std::size_t key = error.msg.find('"');
-    return key == std::string::npos ? "a key is missing"
-                                    : fmt::format("the key {} is missing", error.msg.substr(key));
+nlohmann::json YamlTree(const std::string& text, const std::string& name, YamlDocuments documents) {
+  try {
+    return TreeOf(LoadYaml(text, documents));
+  } catch (const YAML::Exception& error) {
+    const std::string line =
+        error.mark.is_null() ? "" : fmt::format(" line {}:", error.mark.line + 1);
+    throw DataError(fmt::format("{}:{} {}", name, line, error.msg));
   }
-  if (dynamic_cast<const YAML::BadConversion*>(&error) == nullptr) return error.msg;
-  return "a value is of another kind than is expected: a number, a text, or a list in [], with "
-         "commas "
-         "between its items";
-}
-
-std::string YamlProblemIn(const std::string& name, const YAML::Exception& error) {
-  if (error.mark.is_null()) return fmt::format("{}: {}", name, YamlProblem(error));
-  return fmt::format("{}: line {}: {}", name, error.mark.line + 1, YamlProblem(error));
 }
 
 }  // namespace volalign

@@ -1,11 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
 namespace YAML {
-class Exception;
 class Node;
 }  // namespace YAML
 
@@ -22,19 +21,13 @@ inline constexpr int kMaxYamlDepth = 64;
 enum class YamlDocuments { kOne, kFirst };
 
 /// YAML::Load within these limits and kMaxTextBytes. Throws YAML::ParserException with the line
-/// and, beyond a limit, the limit. All YAML of volalign is read by it.
+/// and, beyond a limit, the limit. All YAML is read by it.
 YAML::Node LoadYaml(const std::string& text, YamlDocuments documents = YamlDocuments::kOne);
 
-/// The number of a node. yaml-cpp itself would read it by the process's locale. Throws
-/// YAML::BadConversion with the line unless it is finite.
-double YamlNumber(const YAML::Node& node);
-/// The numbers of a list. Throws as YamlNumber.
-std::vector<double> YamlNumbers(const YAML::Node& list);
-
-/// A description of the fault without the line. For a value of another kind, yaml-cpp says "bad
-/// conversion", for a missing key "invalid node".
-std::string YamlProblem(const YAML::Exception& error);
-/// The same of the file `name`, with the line if it is known.
-std::string YamlProblemIn(const std::string& name, const YAML::Exception& error);
+/// A document of another program as a tree: maps are objects, sequences arrays, and scalars
+/// strings, but for finite numbers outside of quotes. Throws DataError with `name` and, if it is
+/// known, the line, also for a key that stands twice.
+nlohmann::json YamlTree(const std::string& text, const std::string& name,
+                        YamlDocuments documents = YamlDocuments::kFirst);
 
 }  // namespace volalign

@@ -64,7 +64,7 @@ YAML::Node Load(const std::string& yaml, const std::string& name) {
   try {
     return LoadYaml(yaml);
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, YamlProblem(e)));
+    throw ConfigError(fmt::format("{}:{}: {}", name, e.mark.line + 1, e.msg));
   }
 }
 
@@ -226,7 +226,7 @@ void ConfigSource::Set(const std::string& assignment, const std::string& where) 
   try {
     value = LoadYaml(assignment.substr(equals + 1));
   } catch (const YAML::Exception& e) {
-    throw ConfigError(fmt::format("{} {}: {}", where, assignment, YamlProblem(e)));
+    throw ConfigError(fmt::format("{} {}: {}", where, assignment, e.msg));
   }
   if (value.IsNull()) throw ConfigError(fmt::format("{} {}: there is no value", where, assignment));
   Json tree, places;

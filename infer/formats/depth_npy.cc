@@ -1,7 +1,6 @@
 // NumPy's NPY, versions 1 to 3 (numpy/lib/format.py describes the format).
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <string>
@@ -9,6 +8,7 @@
 
 #include "core/base/error.h"
 #include "core/base/text.h"
+#include "core/config/archive.h"
 #include "core/config/bounded_yaml.h"
 #include "infer/formats/depth_file.h"
 
@@ -47,25 +47,22 @@ NpyHeader ParseHeader(const std::string& bytes, const std::string& name) {
     throw DataError(fmt::format("{}: bad NPY header: {} expected, header is {}", name, what,
                                 Shortened(dictionary)));
   };
-  try {
-    const YAML::Node root = LoadYaml(dictionary);
-    const bool whole =
-        root.IsMap() && root.size() == 3 && root["descr"] && root["fortran_order"] && root["shape"];
-    require(whole, "a dictionary of 'descr', 'fortran_order' and 'shape', each once,");
-    const auto type = root["descr"].as<std::string>(), order = root["fortran_order"].Scalar();
-    require(type.size() == 3 && IsOneOf(type[0], "<>|=") && IsOneOf(type[1], "uif") &&
-                IsOneOf(type[2], "1248") && type.substr(1) != "f1",
-            "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
-    header.type = {type[1], static_cast<std::size_t>(type[2] - '0'), type[0] == '>'};
-    require(order == "True" || order == "False", "'fortran_order'");
-    header.fortran_order = order == "True";
-    const YAML::Node shape = root["shape"];
-    require(shape.IsSequence() && shape.size() == 2, "'shape' of two dimensions (height, width)");
-    header.rows = shape[0].as<int>();
-    header.columns = shape[1].as<int>();
-  } catch (const YAML::Exception& error) {
-    require(false, YamlProblem(error) + ": a dictionary of Python");
-  }
+  const nlohmann::json root = YamlTree(dictionary, name + ": bad NPY header", YamlDocuments::kOne);
+  require(root.is_object() && root.size() == 3 && root.contains("descr") &&
+              root.contains("fortran_order") && root.contains("shape"),
+          "a dictionary of 'descr', 'fortran_order' and 'shape', each once,");
+  const std::string type = ScalarText(root["descr"]), order = ScalarText(root["fortran_order"]);
+  require(type.size() == 3 && IsOneOf(type[0], "<>|=") && IsOneOf(type[1], "uif") &&
+              IsOneOf(type[2], "1248") && type.substr(1) != "f1",
+          "'descr' of an array of plain integers or floats (such as '<u2' or '<f4')");
+  header.type = {type[1], static_cast<std::size_t>(type[2] - '0'), type[0] == '>'};
+  require(order == "True" || order == "False", "'fortran_order'");
+  header.fortran_order = order == "True";
+  const nlohmann::json& shape = root["shape"];
+  require(shape.is_array() && shape.size() == 2, "'shape' of two dimensions (height, width)");
+  const ValuePlace place{name + ": shape"};
+  ReadValue(shape[0], place, &header.rows);
+  ReadValue(shape[1], place, &header.columns);
   return header;
 }
 

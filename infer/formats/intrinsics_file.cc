@@ -1,7 +1,6 @@
 #include "infer/formats/intrinsics_file.h"
 
 #include <fmt/format.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <array>
@@ -17,6 +16,7 @@
 #include "core/base/file_util.h"
 #include "core/base/number.h"
 #include "core/base/text.h"
+#include "core/config/archive.h"
 #include "core/config/bounded_yaml.h"
 #include "core/geometry/lens.h"
 #include "infer/formats/kinect_calibration.h"
@@ -62,6 +62,7 @@ std::vector<double> NamedLens(const std::string& model, std::vector<double> numb
 namespace volalign {
 
 using formats_internal::NamedLens;
+using Json = nlohmann::json;
 
 namespace {
 
@@ -99,47 +100,40 @@ bool EndsWith(std::string_view text, std::string_view end) {
 
 bool IsOfWord(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
 
-/// The first of `keys` that the map has.
-YAML::Node FirstOf(const YAML::Node& map, std::initializer_list<const char*> keys) {
-  for (const char* key : keys) {
-    if (map[key]) return map[key];
-  }
-  return YAML::Node(YAML::NodeType::Undefined);
+/// The first of `keys` that the map has; null for none.
+const Json* FirstOf(const Json& map, std::initializer_list<const char*> keys) {
+  for (const char* key : keys)
+    if (const auto found = map.find(key); found != map.end()) return &*found;
+  return nullptr;
 }
 
-/// `what`: of which it is a number. yaml-cpp itself would read it by the process's locale.
-double Number(const YAML::Node& node, const std::string& what, const std::string& name) {
-  const YAML::Mark at = node.Mark();
-  const std::string place = at.is_null() ? name : fmt::format("{}: line {}", name, at.line + 1);
-  return poses_internal::ParseNumber(node.Scalar(), fmt::format("{}: {}", place, what));
+/// `what`: of which it is a number, which may stand in quotes.
+double Number(const Json& value, const std::string& what, const std::string& name) {
+  if (value.is_number()) return value;
+  return poses_internal::ParseNumber(ScalarText(value), fmt::format("{}: {}", name, what));
 }
 
-double Required(const YAML::Node& map, std::initializer_list<const char*> keys,
-                const std::string& name) {
-  if (const YAML::Node node = FirstOf(map, keys)) return Number(node, *keys.begin(), name);
+double Required(const Json& map, std::initializer_list<const char*> keys, const std::string& name) {
+  if (const Json* const value = FirstOf(map, keys)) return Number(*value, *keys.begin(), name);
   throw DataError(fmt::format(
       "{}: {} is missing; state the image size and the lens for which the intrinsics hold", name,
       *keys.begin()));
 }
 
-void AppendNumbers(const YAML::Node& node, const char* what, const std::string& name,
-                   std::vector<double>* numbers) {
-  if (node.IsSequence()) {
-    for (const YAML::Node& item : node) AppendNumbers(item, what, name, numbers);
-  } else {
-    numbers->push_back(Number(node, what, name));
-  }
-}
-
-/// The numbers of [1, 2], [[1], [2]] or {rows, cols, data: [1, 2]}.
-std::vector<double> Numbers(const YAML::Node& node, const char* what, const std::string& name) {
+/// The numbers of 1, [1, 2], [[1], [2]] or {rows, cols, data: [1, 2]}.
+std::vector<double> Numbers(const Json& value, const char* what, const std::string& name) {
+  if (value.is_object() && value.contains("data")) return Numbers(value["data"], what, name);
+  if (!value.is_array()) return {Number(value, what, name)};
   std::vector<double> numbers;
-  AppendNumbers(node.IsMap() && node["data"] ? node["data"] : node, what, name, &numbers);
+  for (const Json& item : value) {
+    const std::vector<double> of_item = Numbers(item, what, name);
+    numbers.insert(numbers.end(), of_item.begin(), of_item.end());
+  }
   return numbers;
 }
 
 /// fx, fy, cx, cy of a camera matrix. Open3D has it column by column, all others row by row.
-std::vector<double> OfMatrix(const YAML::Node& matrix, bool by_column, const std::string& name) {
+std::vector<double> OfMatrix(const Json& matrix, bool by_column, const std::string& name) {
   const std::vector<double> numbers = Numbers(matrix, "the camera matrix", name);
   if (numbers.size() != 9)
     throw DataError(fmt::format("{}: a camera matrix of {} numbers, not 9", name, numbers.size()));
@@ -156,23 +150,28 @@ std::vector<double> OfMatrix(const YAML::Node& matrix, bool by_column, const std
 
 /// Reads the keys of all programs that state one camera in one map. A lens has its coefficients and
 /// the name of its model; `distortion` is either.
-Intrinsics FromKeys(const YAML::Node& map, const std::string& name) {
+Intrinsics FromKeys(const Json& map, const std::string& name) {
+  if (!map.is_object()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
+  const auto above = [](const Json& of, const char* key, double most) {
+    const Json* const value = FirstOf(of, {key});
+    return value && value->is_number() && *value > most;
+  };
   for (const char* key : {"binning_x", "binning_y"}) {
-    if (map[key].as<int>(0) > 1)
+    if (above(map, key, 1))
       throw DataError(fmt::format("{}: {} = {}: give the intrinsics of the image as it is stored",
-                                  name, key, map[key].as<int>()));
+                                  name, key, ScalarText(map[key])));
   }
-  if (const YAML::Node roi = map["roi"];
-      roi && roi.IsMap() && (roi["x_offset"].as<int>(0) != 0 || roi["y_offset"].as<int>(0) != 0)) {
+  if (const Json* const roi = FirstOf(map, {"roi"});
+      roi && roi->is_object() && (above(*roi, "x_offset", 0) || above(*roi, "y_offset", 0))) {
     throw DataError(name + ": roi: give the intrinsics of the image as it is stored, cut out");
   }
-  const YAML::Node of_open3d = map["intrinsic_matrix"];
-  const YAML::Node matrix =
+  const Json* const of_open3d = FirstOf(map, {"intrinsic_matrix"});
+  const Json* const matrix =
       of_open3d ? of_open3d
                 : FirstOf(map, {"camera_matrix", "cameraMatrix", "K", "k", "intrinsicMatrix"});
   std::vector<double> k;
   if (matrix) {
-    k = OfMatrix(matrix, of_open3d.IsDefined(), name);
+    k = OfMatrix(*matrix, of_open3d != nullptr, name);
   } else {
     k = {Required(map, {"fx"}, name), Required(map, {"fy"}, name),
          Required(map, {"ppx", "cx"}, name), Required(map, {"ppy", "cy"}, name)};
@@ -185,31 +184,31 @@ Intrinsics FromKeys(const YAML::Node& map, const std::string& name) {
       k[2],
       k[3],
       {}};
-  const YAML::Node model =
+  const Json* const model =
       FirstOf(map, {matrix ? "distortion_model" : "model", "distortion_model", "distortion"});
-  const YAML::Node lens = FirstOf(map, {"distortion_coefficients", "D", "d", "dist_coeffs",
-                                        "distCoeffs", "coeffs", "coefficients", "distortion"});
-  const bool is_named = model && model.IsScalar();
-  if (lens && !(is_named && lens.is(model)))
+  const Json* const lens = FirstOf(map, {"distortion_coefficients", "D", "d", "dist_coeffs",
+                                         "distCoeffs", "coeffs", "coefficients", "distortion"});
+  const bool is_named = model && !model->is_structured();
+  if (lens && !(is_named && lens == model))
     intrinsics.distortion =
-        NamedLens(is_named ? model.Scalar() : "", Numbers(lens, "distortion", name), name);
+        NamedLens(is_named ? ScalarText(*model) : "", Numbers(*lens, "distortion", name), name);
   return intrinsics;
 }
 
-// The prints that tools make for people, as maps of RealSense's keys. Undefined for other texts.
+// The prints that tools make for people, as maps of RealSense's keys. Null for other texts.
 // They throw DataError, which `name` begins, if the text is such a print but cannot be used.
 
 /// The numbers up to the first other word.
-YAML::Node NumbersOfText(const std::string& text) {
-  YAML::Node numbers(YAML::NodeType::Sequence);
+std::vector<double> NumbersOfText(const std::string& text) {
+  std::vector<double> numbers;
   std::istringstream words(text);
-  for (std::string word; words >> word && NumberOf(word);) numbers.push_back(word);
+  for (std::string word; words >> word && NumberOf(word);) numbers.push_back(*NumberOf(word));
   return numbers;
 }
 
 /// print(profile.intrinsics) of pyrealsense2:
 /// "[ 640x480  p[318.5 240.9]  f[383.3 383.3]  Brown Conrady [0 0 0 0 0] ]"
-YAML::Node OfPyrealsense(const std::string& text, const std::string& name) {
+Json OfPyrealsense(const std::string& text, const std::string& name) {
   constexpr std::size_t kLongestPrint = 1000;
   for (std::size_t at = text.find('['); at != std::string::npos; at = text.find('[', at + 1)) {
     // Only a part of the text, so that many open brackets do not each search all of it.
@@ -224,21 +223,15 @@ YAML::Node OfPyrealsense(const std::string& text, const std::string& name) {
     const std::string height =
         whole ? WithoutBlanksAround(parts[1].substr(0, parts[1].size() - 1)) : "";
     if (!NumberOf(parts[0]) || !NumberOf(height)) continue;
-    const YAML::Node c = NumbersOfText(parts[2]), f = NumbersOfText(parts[4]);
+    const std::vector<double> c = NumbersOfText(parts[2]), f = NumbersOfText(parts[4]);
     if (c.size() != 2 || f.size() != 2)
       throw DataError(name + ": p[...] and f[...] have two numbers each");
-    YAML::Node map;
-    map["width"] = parts[0];
-    map["height"] = height;
-    map["fx"] = f[0];
-    map["fy"] = f[1];
-    map["ppx"] = c[0];
-    map["ppy"] = c[1];
-    map["model"] = parts[5];
-    map["coeffs"] = NumbersOfText(parts[6]);
-    return map;
+    return {{"width", parts[0]}, {"height", height},
+            {"fx", f[0]},        {"fy", f[1]},
+            {"ppx", c[0]},       {"ppy", c[1]},
+            {"model", parts[5]}, {"coeffs", NumbersOfText(parts[6])}};
   }
-  return YAML::Node(YAML::NodeType::Undefined);
+  return {};
 }
 
 /// The text after `key` up to the end of its line.
@@ -253,14 +246,14 @@ std::string After(const std::string& block, const std::string& key, const std::s
 /// `rs-enumerate-devices -c` prints blocks that begin `Intrinsic of "Depth" / 848x480 / {Z16}`.
 /// Takes the one of the frame's size.
 constexpr char kRsTitle[] = "Intrinsic of \"Depth\"";
-YAML::Node OfRsEnumerate(const std::string& text, const std::string& name, const ImageSize& frame) {
+Json OfRsEnumerate(const std::string& text, const std::string& name, const ImageSize& frame) {
   for (std::size_t at = text.find(kRsTitle); at != std::string::npos;
        at = text.find(kRsTitle, at + 1)) {
     const std::string block = text.substr(at, text.find("Intrinsic of", at + 1) - at);
     if (After(block, "Width", name) != std::to_string(frame.width) ||
         After(block, "Height", name) != std::to_string(frame.height))
       continue;
-    YAML::Node map;
+    Json map;
     for (const char* key : {"Width", "Height", "Fx", "Fy", "PPX", "PPY"})
       map[Lower(key)] = After(block, key, name);
     map["model"] = After(block, "Distortion", name);
@@ -290,10 +283,10 @@ std::map<std::string, std::string> ValuesBehind(const std::string& text, const s
 
 /// The depth camera in pyorbbecsdk's print of OBCameraParam, whose lens is given as k1 ... k6 p1
 /// p2.
-YAML::Node OfPyorbbec(const std::string& text, const std::string& name) {
+Json OfPyorbbec(const std::string& text, const std::string& name) {
   const auto camera = ValuesBehind(text, "depth_intrinsic", name);
   const auto lens = ValuesBehind(text, "depth_distortion", name);
-  YAML::Node map;
+  Json map;
   for (const char* key : {"width", "height", "fx", "fy", "cx", "cy"}) {
     if (const auto found = camera.find(key); found != camera.end()) map[key] = found->second;
   }
@@ -306,7 +299,7 @@ YAML::Node OfPyorbbec(const std::string& text, const std::string& name) {
   return map;
 }
 
-YAML::Node OfPrint(const std::string& text, const std::string& name, const ImageSize& frame) {
+Json OfPrint(const std::string& text, const std::string& name, const ImageSize& frame) {
   if (text.find(kRsTitle) != std::string::npos) return OfRsEnumerate(text, name, frame);
   if (text.find("OBCameraParam") != std::string::npos) return OfPyorbbec(text, name);
   return OfPyrealsense(text, name);
@@ -315,10 +308,10 @@ YAML::Node OfPrint(const std::string& text, const std::string& name, const Image
 /// A calibration of DepthAI: `cameraData` is a list of [socket, camera]. Depth is computed from
 /// rectified pictures, with the right camera's matrix (H1 = M2 R1 M1^-1, H2 = M2 R2 M2^-1 in
 /// Luxonis' calibration_utils.py), and aligned to that camera unless the pipeline says otherwise.
-Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const ImageSize& frame) {
+Intrinsics FromDepthAi(const Json& root, const std::string& name, const ImageSize& frame) {
   constexpr int kRight = 2;  // CameraBoardSocket::CAM_C
-  for (const YAML::Node& pair : root["cameraData"]) {
-    if (!pair.IsSequence() || pair.size() != 2 || pair[0].as<int>() != kRight) continue;
+  for (const Json& pair : root["cameraData"]) {
+    if (!pair.is_array() || pair.size() != 2 || pair[0] != kRight) continue;
     Intrinsics given = FromKeys(pair[1], name);
     given.distortion.assign(5, 0.0);
     given.Validate(name);
@@ -333,23 +326,18 @@ Intrinsics FromDepthAi(const YAML::Node& root, const std::string& name, const Im
   throw DataError(name + ": cameraData has no right camera (socket 2)");
 }
 
-/// A document without the directive of OpenCV's FileStorage, which yaml-cpp does not know.
-YAML::Node Load(const std::string& text) {
-  std::size_t begin = 0;
-  if (text.compare(0, 5, "%YAML") == 0) begin = std::min(text.find('\n'), text.size());
-  return LoadYaml(text.substr(begin), YamlDocuments::kFirst);
-}
-
 Intrinsics FromDocument(const std::string& text, const std::string& name, const ImageSize& frame) {
-  const YAML::Node root = Load(text);
-  if (!root.IsMap()) throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
-  if (root["CalibrationInformation"])
-    return formats_internal::KinectDepthIntrinsics(root, name, frame);
-  if (root["cameraData"]) return FromDepthAi(root, name, frame);
-  if (root["intrinsic"] && root["intrinsic"].IsMap()) return FromKeys(root["intrinsic"], name);
+  // yaml-cpp does not know the directive of OpenCV's FileStorage.
+  const std::size_t begin = text.compare(0, 5, "%YAML") == 0 ? text.find('\n') : 0;
+  const Json root = YamlTree(text.substr(std::min(begin, text.size())), name);
+  if (FirstOf(root, {"CalibrationInformation"}))
+    return formats_internal::KinectDepthIntrinsics(ObjectReader(root, name), frame);
+  if (FirstOf(root, {"cameraData"})) return FromDepthAi(root, name, frame);
+  if (const Json* const of = FirstOf(root, {"intrinsic"}); of && of->is_object())
+    return FromKeys(*of, name);
   if (FirstOf(root, {"intrinsic_matrix", "ppx", "camera_matrix", "cameraMatrix", "K", "k"}))
     return FromKeys(root, name);
-  if (root["fx"]) return ReadDescribed<Intrinsics>(text, name);
+  if (FirstOf(root, {"fx"})) return ReadDescribed<Intrinsics>(text, name);
   throw DataError(fmt::format("{}: no intrinsics; {}", name, kForms));
 }
 
@@ -359,13 +347,9 @@ Intrinsics ParseIntrinsicsText(const std::string& text, const std::string& name,
                                const ImageSize& frame) {
   if (const std::string why = WhyNoText(text); !why.empty())
     throw DataError(fmt::format("{}: {}", name, why));
-  Intrinsics intrinsics;
-  try {
-    const YAML::Node print = OfPrint(text, name, frame);
-    intrinsics = print ? FromKeys(print, name) : FromDocument(text, name, frame);
-  } catch (const YAML::Exception& error) {
-    throw DataError(YamlProblemIn(name, error));
-  }
+  const Json print = OfPrint(text, name, frame);
+  const Intrinsics intrinsics =
+      print.is_null() ? FromDocument(text, name, frame) : FromKeys(print, name);
   intrinsics.Validate(name);
   RequireRays(intrinsics, name);
   return intrinsics;

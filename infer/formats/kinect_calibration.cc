@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <vector>
 
 #include "core/base/error.h"
@@ -26,49 +27,46 @@ struct KinectMode {
 /// "Rt" of a camera: the rotation row by row, and metres. Rt of every camera maps points of one
 /// frame, which the cameras of a device share, into its own (extrinsic_transformation.c of the
 /// Azure Kinect Sensor SDK).
-Pose CameraFromDevice(const YAML::Node& camera, const std::string& name) {
-  const YAML::Node rt = camera["Rt"];
-  if (!rt || !rt["Rotation"] || !rt["Translation"]) {
-    throw DataError(name +
-                    ": a camera has no Rt, its place in the device; give the whole raw "
-                    "calibration, as the device or a recording's calibration.json has it");
+Pose CameraFromDevice(const ObjectReader& camera) {
+  if (!camera.Has("Rt")) {
+    throw DataError(camera.where() +
+                    " has no Rt, its place in the device; give the whole raw calibration, as the "
+                    "device or a recording's calibration.json has it");
   }
-  const std::vector<double> r = YamlNumbers(rt["Rotation"]);
-  const std::vector<double> t = YamlNumbers(rt["Translation"]);
-  if (r.size() != 9 || t.size() != 3)
-    throw DataError(
-        fmt::format("{}: Rt has {} and {} numbers, not 9 and 3", name, r.size(), t.size()));
+  const ObjectReader rt = camera.Child("Rt");
+  const auto r = rt.Read<std::array<double, 9>>("Rotation");
   return PoseFromRotation(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(r.data()),
-                          Eigen::Map<const Eigen::Vector3d>(t.data()), name + ": Rt");
+                          rt.Read<Eigen::Vector3d>("Translation"), rt.where());
 }
 
 /// The camera in a raw calibration. Throws DataError if it has none.
-YAML::Node FindKinectCamera(const YAML::Node& root, KinectCamera camera, const std::string& name) {
+ObjectReader FindKinectCamera(const ObjectReader& calibration, KinectCamera camera) {
   const bool depth = camera == KinectCamera::kDepth;
-  for (const YAML::Node& node : root["CalibrationInformation"]["Cameras"]) {
-    const std::string purpose = node["Purpose"] ? node["Purpose"].as<std::string>() : "";
-    const std::string location = node["Location"] ? node["Location"].as<std::string>() : "";
-    if (purpose ==
-            (depth ? "CALIBRATION_CameraPurposeDepth" : "CALIBRATION_CameraPurposePhotoVideo") ||
-        location == (depth ? "CALIBRATION_CameraLocationD0" : "CALIBRATION_CameraLocationPV0"))
-      return node;
+  const auto is = [](const ObjectReader& of, const char* key, const char* word) {
+    return of.Has(key) && of.Text(key) == word;
+  };
+  for (const ObjectReader& of : calibration.Child("CalibrationInformation").Children("Cameras")) {
+    if (is(of, "Purpose",
+           depth ? "CALIBRATION_CameraPurposeDepth" : "CALIBRATION_CameraPurposePhotoVideo") ||
+        is(of, "Location",
+           depth ? "CALIBRATION_CameraLocationD0" : "CALIBRATION_CameraLocationPV0"))
+      return of;
   }
-  throw DataError(fmt::format("{}: no camera of CalibrationInformation is the {} camera", name,
-                              depth ? "depth" : "colour"));
+  throw DataError(fmt::format("{}: no camera of CalibrationInformation is the {} camera",
+                              calibration.where(), depth ? "depth" : "colour"));
 }
 
 /// The intrinsics of such frames.
-Intrinsics KinectIntrinsics(const YAML::Node& camera, const KinectMode& mode,
-                            const std::string& name) {
-  const YAML::Node given = camera["Intrinsics"];
-  const auto type = given["ModelType"].as<std::string>();
-  const std::vector<double> p = YamlNumbers(given["ModelParameters"]);
+Intrinsics KinectIntrinsics(const ObjectReader& camera, const KinectMode& mode) {
+  const ObjectReader given = camera.Child("Intrinsics");
+  const std::string type = given.Text("ModelType");
+  const auto p = given.Read<std::vector<double>>("ModelParameters");
   if (type != "CALIBRATION_LensDistortionModelBrownConrady" || p.size() < 14)
-    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", name,
+    throw DataError(fmt::format("{}: ModelType {} with {} parameters is unknown", given.where(),
                                 Shortened(type), p.size()));
   // cx cy fx fy k1 k2 k3 k4 k5 k6 codx cody p2 p1, the first four as shares of the chip's sides.
   if (p[10] != 0 || p[11] != 0)
-    throw DataError(name + ": codx and cody, the centre of distortion, are not 0");
+    throw DataError(given.where() + ": codx and cody, the centre of distortion, are not 0");
   return {mode.width,
           mode.height,
           p[2] * mode.chip_width,
@@ -113,42 +111,38 @@ std::string KinectKind(const ImageSize& frame) {
   return mode ? mode->kind : "";
 }
 
-Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
-                                 const ImageSize& frame) {
+Intrinsics KinectDepthIntrinsics(const ObjectReader& calibration, const ImageSize& frame) {
   const KinectMode* const mode = ModeOf(frame);
   if (!mode) {
     throw DataError(fmt::format(
         "{}: an Azure Kinect has no depth frames of {}x{} (but 320x288, 640x576, 512x512 and "
         "1024x1024), so that its raw calibration does not hold for this one",
-        name, frame.width, frame.height));
+        calibration.where(), frame.width, frame.height));
   }
-  return KinectIntrinsics(FindKinectCamera(root, KinectCamera::kDepth, name), *mode, name);
+  return KinectIntrinsics(FindKinectCamera(calibration, KinectCamera::kDepth), *mode);
 }
 
 }  // namespace formats_internal
 
 ColourCamera ParseKinectColour(const std::string& text, const std::string& name,
                                const std::optional<ImageSize>& picture) {
-  try {
-    const YAML::Node root = LoadYaml(text, YamlDocuments::kFirst);
-    if (!root.IsMap() || !root["CalibrationInformation"]) {
-      throw DataError(name +
-                      ": no raw calibration of an Azure Kinect (a JSON file that begins with "
-                      "CalibrationInformation)");
-    }
-    const YAML::Node colour = FindKinectCamera(root, KinectCamera::kColour, name);
-    ColourCamera camera;
-    camera.colour_from_depth =
-        CameraFromDevice(colour, name) *
-        CameraFromDevice(FindKinectCamera(root, KinectCamera::kDepth, name), name).inverse();
-    if (picture) {
-      camera.intrinsics = KinectIntrinsics(colour, ColourMode(*picture, name), name);
-      camera.intrinsics->Validate(name);
-    }
-    return camera;
-  } catch (const YAML::Exception& error) {
-    throw DataError(YamlProblemIn(name, error));
+  const nlohmann::json tree = YamlTree(text, name);
+  if (!tree.is_object() || !tree.contains("CalibrationInformation")) {
+    throw DataError(name +
+                    ": no raw calibration of an Azure Kinect (a JSON file that begins with "
+                    "CalibrationInformation)");
   }
+  const ObjectReader calibration(tree, name);
+  const ObjectReader colour = FindKinectCamera(calibration, KinectCamera::kColour);
+  ColourCamera camera;
+  camera.colour_from_depth =
+      CameraFromDevice(colour) *
+      CameraFromDevice(FindKinectCamera(calibration, KinectCamera::kDepth)).inverse();
+  if (picture) {
+    camera.intrinsics = KinectIntrinsics(colour, ColourMode(*picture, name));
+    camera.intrinsics->Validate(name);
+  }
+  return camera;
 }
 
 ColourCamera ReadKinectColour(const std::filesystem::path& path) {

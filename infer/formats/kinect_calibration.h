@@ -1,11 +1,10 @@
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
 #include <filesystem>
 #include <optional>
 #include <string>
 
+#include "core/config/archive.h"
 #include "core/geometry/camera.h"
 #include "infer/formats/intrinsics_file.h"
 
@@ -24,10 +23,9 @@ namespace formats_internal {
 /// The name in configs/intrinsics.yaml of the mode with depth frames of a size, or "".
 std::string KinectKind(const ImageSize& frame);
 
-/// The intrinsics of depth frames of a size, by a raw calibration (CalibrationInformation), of
+/// The intrinsics of depth frames of a size, by a raw calibration (with CalibrationInformation), of
 /// which the size names the mode. Throws DataError.
-Intrinsics KinectDepthIntrinsics(const YAML::Node& root, const std::string& name,
-                                 const ImageSize& frame);
+Intrinsics KinectDepthIntrinsics(const ObjectReader& calibration, const ImageSize& frame);
 
 }  // namespace formats_internal
 

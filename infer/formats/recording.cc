@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/yaml.h>
 
 #include <algorithm>
 #include <fstream>
@@ -12,6 +11,7 @@
 #include "core/base/file_limits.h"
 #include "core/base/file_util.h"
 #include "core/base/text.h"
+#include "core/config/archive.h"
 #include "core/config/bounded_yaml.h"
 #include "infer/formats/unpack.h"
 
@@ -61,17 +61,15 @@ bool IsPacked(const std::filesystem::path& path) {
 }  // namespace
 
 std::vector<std::string> PartsOfRecording(const std::filesystem::path& folder) {
-  std::vector<std::string> names;
   try {
-    const YAML::Node root = LoadYaml(ReadFile(folder / "metadata.yaml", kMaxTextBytes));
-    if (!root.IsMap() || !root["rosbag2_bagfile_information"]) return {};
-    for (const YAML::Node& file : root["rosbag2_bagfile_information"]["relative_file_paths"])
-      names.push_back(file.as<std::string>());
-    return names;
+    const std::string name = "metadata.yaml";
+    const nlohmann::json tree = YamlTree(ReadFile(folder / name, kMaxTextBytes), name);
+    return ObjectReader(tree, name)
+        .Child("rosbag2_bagfile_information")
+        .Read<std::vector<std::string>>("relative_file_paths");
   } catch (const Error&) {
-  } catch (const YAML::Exception&) {
+    return {};
   }
-  return {};
 }
 
 bool IsRecording(const std::filesystem::path& path) { return KindOf(FirstBytes(path)) != nullptr; }

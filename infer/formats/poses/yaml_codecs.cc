@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <yaml-cpp/yaml.h>
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -10,6 +9,7 @@
 
 #include "core/base/error.h"
 #include "core/base/text.h"
+#include "core/config/archive.h"
 #include "core/config/bounded_yaml.h"
 #include "infer/formats/poses/codecs.h"
 
@@ -46,49 +46,39 @@ std::string OpencvMatrix(const std::string& key, const Eigen::MatrixXd& matrix) 
 /// A text in double quotes, as JSON and YAML both have it.
 std::string Quoted(const std::string& text) { return nlohmann::json(text).dump(); }
 
-/// Runs `read`; errors of yaml-cpp become DataErrors in one line.
-template <class Read>
-Poses Reading(const std::string& name, Read read) {
-  try {
-    return read();
-  } catch (const YAML::Exception& e) {
-    throw DataError(YamlProblemIn(name, e));
-  }
-}
-
-Eigen::MatrixXd MatrixOf(const YAML::Node& node, const std::string& place) {
-  const int rows = node["rows"].as<int>(), cols = node["cols"].as<int>();
-  const std::vector<double> data = YamlNumbers(node["data"]);
+Eigen::MatrixXd MatrixOf(const ObjectReader& matrix) {
+  const int rows = matrix.Read<int>("rows"), cols = matrix.Read<int>("cols");
+  const auto data = matrix.Read<std::vector<double>>("data");
   if (rows < 1 || cols < 1 ||
       data.size() != static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols))
-    throw DataError(
-        fmt::format("{}: {} numbers in {} rows and {} columns", place, data.size(), rows, cols));
+    throw DataError(fmt::format("{}: {} numbers in {} rows and {} columns", matrix.where(),
+                                data.size(), rows, cols));
   return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
       data.data(), rows, cols);
 }
 
-Eigen::MatrixXd MatrixOf(const YAML::Node& node, const std::string& place, int rows, int cols) {
-  Eigen::MatrixXd matrix = MatrixOf(node, place);
-  if (matrix.rows() != rows || matrix.cols() != cols)
-    throw DataError(fmt::format("{}: {} x {} instead of {} x {}", place, matrix.rows(),
-                                matrix.cols(), rows, cols));
-  return matrix;
+Eigen::MatrixXd MatrixOf(const ObjectReader& matrix, int rows, int cols) {
+  const Eigen::MatrixXd of = MatrixOf(matrix);
+  if (of.rows() != rows || of.cols() != cols)
+    throw DataError(fmt::format("{}: {} x {} instead of {} x {}", matrix.where(), of.rows(),
+                                of.cols(), rows, cols));
+  return of;
 }
 
-Intrinsics OpencvIntrinsics(const YAML::Node& sensor, const std::string& place) {
-  const Eigen::MatrixXd matrix = MatrixOf(sensor["camera_matrix"], place + ": camera_matrix", 3, 3);
-  Intrinsics k{sensor["image_width"].as<int>(),
-               sensor["image_height"].as<int>(),
+Intrinsics OpencvIntrinsics(const ObjectReader& sensor) {
+  const Eigen::MatrixXd matrix = MatrixOf(sensor.Child("camera_matrix"), 3, 3);
+  Intrinsics k{sensor.Read<int>("image_width"),
+               sensor.Read<int>("image_height"),
                matrix(0, 0),
                matrix(1, 1),
                matrix(0, 2),
                matrix(1, 2),
                {}};
-  if (const YAML::Node lens = sensor["distortion_coefficients"]) {
-    const Eigen::MatrixXd coefficients = MatrixOf(lens, place + ": distortion_coefficients");
+  if (sensor.Has("distortion_coefficients")) {
+    const Eigen::MatrixXd coefficients = MatrixOf(sensor.Child("distortion_coefficients"));
     k.distortion.assign(coefficients.data(), coefficients.data() + coefficients.size());
   }
-  k.Validate(place);
+  k.Validate(sensor.where());
   return k;
 }
 
@@ -175,24 +165,20 @@ Poses ReadOpencv(const std::string& text, const std::string& name) {
   const std::size_t begin = text.find("---");
   if (begin == std::string::npos || text.compare(0, 5, "%YAML") != 0)
     throw DataError(name + ": no file of OpenCV's FileStorage");
-  return Reading(name, [&] {
-    Poses poses;
-    for (const YAML::Node& sensor :
-         LoadYaml(text.substr(begin), YamlDocuments::kFirst)["sensors"]) {
-      SensorPose pose;
-      pose.name = sensor["name"].as<std::string>();
-      const std::string place = fmt::format("{}: {}", name, pose.name);
-      pose.structure_from_sensor =
-          PoseFromRotation(MatrixOf(sensor["R"], place + ": R", 3, 3),
-                           MatrixOf(sensor["t"], place + ": t", 3, 1), place)
-              .inverse();
-      if (sensor["depth_gain"]) pose.depth_gain = YamlNumber(sensor["depth_gain"]);
-      if (sensor["depth_offset_m"]) pose.depth_offset_m = YamlNumber(sensor["depth_offset_m"]);
-      if (sensor["camera_matrix"]) pose.intrinsics = OpencvIntrinsics(sensor, place);
-      poses.push_back(std::move(pose));
-    }
-    return poses;
-  });
+  const nlohmann::json tree = YamlTree(text.substr(begin), name);
+  Poses poses;
+  for (const ObjectReader& sensor : ObjectReader(tree, name).Children("sensors")) {
+    SensorPose pose;
+    sensor.Renamed(pose.name = ScalarText(sensor.Get("name")));
+    pose.structure_from_sensor = PoseFromRotation(MatrixOf(sensor.Child("R"), 3, 3),
+                                                  MatrixOf(sensor.Child("t"), 3, 1), sensor.where())
+                                     .inverse();
+    sensor.OptionalSinceVersion("depth_gain", pose.depth_gain);
+    sensor.OptionalSinceVersion("depth_offset_m", pose.depth_offset_m);
+    if (sensor.Has("camera_matrix")) pose.intrinsics = OpencvIntrinsics(sensor);
+    poses.push_back(std::move(pose));
+  }
+  return poses;
 }
 
 std::string WriteRos(const Poses& poses, const FileFrame& frame) {
@@ -257,31 +243,30 @@ std::string WriteUrdf(const Poses& poses, const FileFrame& frame) {
 }
 
 Poses ReadRos(const std::string& text, const std::string& name) {
-  return Reading(name, [&] {
-    Poses poses;
-    std::string world;
-    for (const YAML::Node& node : LoadYaml(text, YamlDocuments::kFirst)) {
-      std::string child = node["child_frame_id"].as<std::string>();
-      const std::string parent = node["header"]["frame_id"].as<std::string>();
-      const std::string place = fmt::format("{}: {}", name, child);
-      if (world.empty()) world = parent;
-      if (parent != world)
-        throw DataError(fmt::format("{}: in frame \"{}\", and others are in \"{}\"", place,
-                                    Shortened(parent), Shortened(world)));
-      const YAML::Node t = node["transform"]["translation"], q = node["transform"]["rotation"];
-      const auto number = [](const YAML::Node& of, const char* key) { return YamlNumber(of[key]); };
-      const Pose pose =
-          PoseFromQuaternion(number(q, "w"), number(q, "x"), number(q, "y"), number(q, "z"),
-                             {number(t, "x"), number(t, "y"), number(t, "z")}, place);
-      for (const char* optical : {kDepthFrame, kColourFrame}) {
-        const std::size_t end = child.rfind(optical);
-        if (end != std::string::npos) child.resize(end);
-      }
-      poses.push_back({child, pose});
+  const nlohmann::json tree = {{"transforms", YamlTree(text, name)}};
+  Poses poses;
+  std::string world;
+  for (const ObjectReader& transform : ObjectReader(tree, name).Children("transforms")) {
+    std::string child = ScalarText(transform.Get("child_frame_id"));
+    const std::string parent = ScalarText(transform.Child("header").Get("frame_id"));
+    transform.Renamed(child);
+    if (world.empty()) world = parent;
+    if (parent != world)
+      throw DataError(fmt::format("{}: in frame \"{}\", and others are in \"{}\"",
+                                  transform.where(), Shortened(parent), Shortened(world)));
+    const ObjectReader of = transform.Child("transform"), t = of.Child("translation"),
+                       q = of.Child("rotation");
+    const Pose pose =
+        PoseFromQuaternion(q.Number("w"), q.Number("x"), q.Number("y"), q.Number("z"),
+                           {t.Number("x"), t.Number("y"), t.Number("z")}, transform.where());
+    for (const char* optical : {kDepthFrame, kColourFrame}) {
+      const std::size_t end = child.rfind(optical);
+      if (end != std::string::npos) child.resize(end);
     }
-    ReadDepthComments(text, name, &poses);
-    return poses;
-  });
+    poses.push_back({child, pose});
+  }
+  ReadDepthComments(text, name, &poses);
+  return poses;
 }
 
 }  // namespace volalign::poses_internal

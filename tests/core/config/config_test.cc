@@ -572,24 +572,18 @@ TEST(LoadYaml, ReadsOneDocumentAndSaysSo) {
   EXPECT_EQ(LoadYaml("a: 1\n---\na: 2\n", YamlDocuments::kFirst)["a"].as<int>(), 1);
 }
 
-TEST(YamlProblem, SaysWhatABadConversionIs) {
-  try {
-    LoadYaml("a: [0 500]")["a"].as<std::vector<double>>();
-    ADD_FAILURE() << "nothing was thrown";
-  } catch (const YAML::Exception& error) {
-    EXPECT_TRUE(Has(YamlProblem(error), "commas between its items"));
-    EXPECT_TRUE(Has(YamlProblemIn("a.yaml", error), "a.yaml: line 1: a value"));
-  }
+TEST(YamlTree, HasNumbersOutsideOfQuotes) {
+  const nlohmann::json tree =
+      YamlTree("a: [1, -2.5e3, '3', .inf, True]\n'b.c[0]': {d: ~, e: x}\n---\nf: 1\n", "name");
+  EXPECT_EQ(tree,
+            nlohmann::json::parse(
+                R"({"a": [1.0, -2500.0, "3", ".inf", "True"], "b.c[0]": {"d": null, "e": "x"}})"));
 }
 
-TEST(YamlProblem, NamesAMissingKeyWithoutALine) {
-  try {
-    const YAML::Node point = LoadYaml("{x: 1}");
-    point["z"].as<double>();
-    ADD_FAILURE() << "nothing was thrown";
-  } catch (const YAML::Exception& error) {
-    EXPECT_EQ(YamlProblemIn("a.yaml", error), "a.yaml: the key \"z\" is missing");
-  }
+TEST(YamlTree, NamesFileAndLine) {
+  ExpectError<DataError>([] { YamlTree("a: 1\nb: [2", "file"); }, {"file: line 2: "});
+  ExpectError<DataError>([] { YamlTree("a: 1\na: 2", "file"); }, {"file: line 2: ", "twice"});
+  ExpectError<DataError>([] { YamlTree(Laughs("[", "", "]"), "file"); }, {"file: ", "1000000"});
 }
 
 }  // namespace

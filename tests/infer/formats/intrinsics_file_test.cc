@@ -332,7 +332,7 @@ TEST(ReadKinectColour, SaysWhatIsMissing) {
   expect(Raw(Camera(kColour, "{}") + ", " + Camera(kDepth, kTurnedZ)), "Rt");
   expect(Raw(Camera(kColour, R"({"Rotation": [1, 0], "Translation": [0, 0, 0]})") + ", " +
              Camera(kDepth, kTurnedZ)),
-         "2 and 3 numbers");
+         "Rotation has 2 values, not 9");
   EXPECT_THROW(ReadKinectColour(folder / "none.json"), IoError);
 }
 
