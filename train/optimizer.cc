@@ -138,14 +138,12 @@ void WeightAverage::Update(FlatModule& source, std::int64_t steps, const at::Ten
   c10::NoGradGuard no_grad;
   const double t = static_cast<double>(steps);
   const double weight = 1 - std::min(decay_, (1 + t) / (10 + t));
-  if (finite.defined()) {
-    const at::Tensor share = finite.to(at::kFloat) * weight;
+  const auto take = [&](const auto& share) {
     flat_.parameters().lerp_(source.parameters(), share);
     flat_.buffers().lerp_(source.buffers(), share);
-    return;
-  }
-  flat_.parameters().lerp_(source.parameters(), weight);
-  flat_.buffers().lerp_(source.buffers(), weight);
+  };
+  if (finite.defined()) return take(at::Tensor(finite.to(at::kFloat) * weight));
+  take(weight);
 }
 
 void WeightAverage::Refresh(FlatModule& source) {

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cstdio>
 #include <filesystem>
+#include <set>
 #include <utility>
 
 #include "core/base/error.h"
@@ -58,14 +59,13 @@ std::vector<std::vector<std::string>> Combinations(const std::vector<SweepKey>& 
 }
 
 void RequireDifferentNames(const std::vector<SweepRun>& runs) {
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    for (std::size_t j = 0; j < i; ++j) {
-      if (runs[i].name != runs[j].name) continue;
-      throw ConfigError(
-          fmt::format("two runs of the sweep would have the folder {}: give their recipes other "
-                      "names, or take out a value that is listed twice",
-                      runs[i].name));
-    }
+  std::set<std::string> names;
+  for (const SweepRun& run : runs) {
+    if (names.insert(run.name).second) continue;
+    throw ConfigError(
+        fmt::format("two runs of the sweep would have the folder {}: give their recipes other "
+                    "names, or take out a value that is listed twice",
+                    run.name));
   }
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <sstream>
+#include <type_traits>
 #include <utility>
 
 #include "core/base/error.h"
@@ -15,32 +16,6 @@
 namespace volalign {
 
 namespace {
-
-/// Appends the values to the buffer as one view and one accessor; returns the accessor.
-template <class T>
-int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int target, int component,
-                int type) {
-  auto& bytes = model->buffers[0].data;
-  while (bytes.size() % 4 != 0) bytes.push_back(0);
-  tinygltf::BufferView view;
-  view.buffer = 0;
-  view.byteOffset = bytes.size();
-  view.byteLength = values.size() * sizeof(T);
-  view.target = target;
-  const auto* raw = reinterpret_cast<const unsigned char*>(values.data());
-  bytes.insert(bytes.end(), raw, raw + view.byteLength);
-  model->bufferViews.push_back(view);
-  tinygltf::Accessor accessor;
-  accessor.bufferView = static_cast<int>(model->bufferViews.size()) - 1;
-  accessor.componentType = component;
-  accessor.type = type;
-  accessor.normalized = component == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE;
-  accessor.count =
-      values.size() /
-      static_cast<std::size_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(type)));
-  model->accessors.push_back(accessor);
-  return static_cast<int>(model->accessors.size()) - 1;
-}
 
 void Append(const Eigen::Vector3d& v, std::vector<float>* numbers) {
   for (const double x : v) numbers->push_back(static_cast<float>(x));
@@ -73,8 +48,9 @@ tinygltf::Primitive MakeShape(tinygltf::Model* model, const Box& box, const Side
   tinygltf::Primitive primitive;
   primitive.mode = TINYGLTF_MODE_TRIANGLES;
   primitive.attributes["POSITION"] = AddPositions(model, positions);
-  primitive.attributes["NORMAL"] = AddFloats(model, normals, TINYGLTF_TYPE_VEC3);
-  if (!box.mesh) primitive.indices = AddIndices(model, {0, 1, 2, 0, 2, 3});
+  primitive.attributes["NORMAL"] = AddAccessor(model, normals, TINYGLTF_TYPE_VEC3);
+  if (!box.mesh)
+    primitive.indices = AddAccessor<std::uint16_t>(model, {0, 1, 2, 0, 2, 3}, TINYGLTF_TYPE_SCALAR);
   return primitive;
 }
 
@@ -117,23 +93,38 @@ tinygltf::Model NewGltf(const std::string& scene_name) {
   return model;
 }
 
-int AddFloats(tinygltf::Model* model, const std::vector<float>& values, int type) {
-  return AddAccessor(model, values, TINYGLTF_TARGET_ARRAY_BUFFER, TINYGLTF_COMPONENT_TYPE_FLOAT,
-                     type);
+template <class T>
+int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int type) {
+  constexpr bool kIsIndex = std::is_same_v<T, std::uint16_t>,
+                 kIsByte = std::is_same_v<T, std::uint8_t>;
+  auto& bytes = model->buffers[0].data;
+  while (bytes.size() % 4 != 0) bytes.push_back(0);
+  tinygltf::BufferView view;
+  view.buffer = 0;
+  view.byteOffset = bytes.size();
+  view.byteLength = values.size() * sizeof(T);
+  view.target = kIsIndex ? TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER : TINYGLTF_TARGET_ARRAY_BUFFER;
+  const auto* raw = reinterpret_cast<const unsigned char*>(values.data());
+  bytes.insert(bytes.end(), raw, raw + view.byteLength);
+  model->bufferViews.push_back(view);
+  tinygltf::Accessor accessor;
+  accessor.bufferView = static_cast<int>(model->bufferViews.size()) - 1;
+  accessor.componentType = kIsIndex  ? TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT
+                           : kIsByte ? TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE
+                                     : TINYGLTF_COMPONENT_TYPE_FLOAT;
+  accessor.type = type;
+  accessor.normalized = kIsByte;
+  accessor.count =
+      values.size() /
+      static_cast<std::size_t>(tinygltf::GetNumComponentsInType(static_cast<std::uint32_t>(type)));
+  model->accessors.push_back(accessor);
+  return static_cast<int>(model->accessors.size()) - 1;
 }
-
-int AddBytes(tinygltf::Model* model, const std::vector<std::uint8_t>& values, int type) {
-  return AddAccessor(model, values, TINYGLTF_TARGET_ARRAY_BUFFER,
-                     TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE, type);
-}
-
-int AddIndices(tinygltf::Model* model, const std::vector<std::uint16_t>& values) {
-  return AddAccessor(model, values, TINYGLTF_TARGET_ELEMENT_ARRAY_BUFFER,
-                     TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT, TINYGLTF_TYPE_SCALAR);
-}
+template int AddAccessor(tinygltf::Model*, const std::vector<std::uint16_t>&, int);
+template int AddAccessor(tinygltf::Model*, const std::vector<std::uint8_t>&, int);
 
 int AddPositions(tinygltf::Model* model, const std::vector<float>& positions) {
-  const int index = AddFloats(model, positions, TINYGLTF_TYPE_VEC3);
+  const int index = AddAccessor(model, positions, TINYGLTF_TYPE_VEC3);
   std::vector<double> low(3, 1e9), high(3, -1e9);
   for (std::size_t i = 0; i < positions.size(); ++i) {
     low[i % 3] = std::min<double>(low[i % 3], positions[i]);

@@ -22,13 +22,13 @@ tinygltf::Value Numbers(const std::vector<double>& numbers);
 /// An empty scene with one buffer.
 tinygltf::Model NewGltf(const std::string& scene_name);
 
-/// Appends tightly packed elements to the model's first buffer. Returns the index of their
-/// accessor. `type`: TINYGLTF_TYPE_...
-int AddFloats(tinygltf::Model* model, const std::vector<float>& values, int type);
-int AddBytes(tinygltf::Model* model, const std::vector<std::uint8_t>& values, int type);
-int AddIndices(tinygltf::Model* model, const std::vector<std::uint16_t>& values);
+/// Appends tightly packed elements to the model's first buffer: numbers (float), shares of 255
+/// (std::uint8_t) or indices (std::uint16_t). Returns the index of their accessor. `type`:
+/// TINYGLTF_TYPE_...
+template <class T>
+int AddAccessor(tinygltf::Model* model, const std::vector<T>& values, int type);
 
-/// As AddFloats, for positions, three numbers each, with the bounds that glTF requires.
+/// As AddAccessor, for positions, three numbers each, with the bounds that glTF requires.
 int AddPositions(tinygltf::Model* model, const std::vector<float>& positions);
 
 /// Sets the place of a node in its parent.

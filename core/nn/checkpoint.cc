@@ -173,22 +173,22 @@ LoadedModel LoadCheckpoint(const std::filesystem::path& path) {
   const TensorFile file = ReadTensorFile(path, kCheckpointFormat);
   LoadedModel model;
   TensorShapes shapes;
-  try {
+  const auto by_metadata = [&](const auto& make) {
+    try {
+      make();
+    } catch (const std::exception& e) {
+      throw DataError(
+          fmt::format("{}: invalid metadata ({})", path.string(), Shortened(FirstLine(e.what()))));
+    }
+  };
+  by_metadata([&] {
     model.meta = MetaFromJson(file.meta);
     // The metadata may ask for a larger network than the file has. Shapes of other kinds are
     // unknown.
     if (model.meta.network.kind == "paper") shapes = PaperNetShapes(model.meta.network);
-  } catch (const std::exception& e) {
-    throw DataError(
-        fmt::format("{}: invalid metadata ({})", path.string(), Shortened(FirstLine(e.what()))));
-  }
+  });
   if (!shapes.empty()) RequireShapes(file.tensors, "", shapes, path.string());
-  try {
-    model.net = StructureNet(model.meta.network);
-  } catch (const std::exception& e) {
-    throw DataError(
-        fmt::format("{}: invalid metadata ({})", path.string(), Shortened(FirstLine(e.what()))));
-  }
+  by_metadata([&] { model.net = StructureNet(model.meta.network); });
   CopyIntoModule(file.tensors, "", *model.net, path.string());
   model.net->eval();
   return model;

@@ -141,7 +141,8 @@ int AddPyramid(tinygltf::Model* model, const Extrinsics::Sensor& sensor) {
   tinygltf::Primitive lines;
   lines.mode = TINYGLTF_MODE_LINE;
   lines.attributes["POSITION"] = AddPositions(model, positions);
-  lines.indices = AddIndices(model, {0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1});
+  lines.indices = AddAccessor<std::uint16_t>(
+      model, {0, 1, 0, 2, 0, 3, 0, 4, 1, 2, 2, 3, 3, 4, 4, 1}, TINYGLTF_TYPE_SCALAR);
   tinygltf::Mesh mesh;
   mesh.name = sensor.name + " view";
   mesh.primitives.push_back(std::move(lines));
@@ -177,7 +178,7 @@ int AddCloud(tinygltf::Model* model, const RigCloud& cloud) {
   tinygltf::Primitive points;
   points.mode = TINYGLTF_MODE_POINTS;
   points.attributes["POSITION"] = AddPositions(model, positions);
-  points.attributes["COLOR_0"] = AddBytes(model, colours, TINYGLTF_TYPE_VEC4);
+  points.attributes["COLOR_0"] = AddAccessor(model, colours, TINYGLTF_TYPE_VEC4);
   tinygltf::Mesh mesh;
   mesh.name = cloud.sensor + " points" + (cloud.capture.empty() ? "" : " in " + cloud.capture);
   mesh.primitives.push_back(std::move(points));
