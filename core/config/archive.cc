@@ -82,7 +82,8 @@ std::string ShownJson(const Json& value) {
 
 std::string ScalarText(const Json& value) {
   if (value.is_string()) return value.get<std::string>();
-  return value.is_number_float() ? fmt::format("{}", value.get<double>()) : value.dump();
+  return value.is_number_float() ? fmt::format("{}", value.get<double>())
+                                 : value.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 void ConfigKeys::RejectUnknown() const {
@@ -309,11 +310,12 @@ std::optional<std::string> ObjectReader::NameOf(const std::string& key,
       return std::nullopt;
     }
     const std::string& name = check.removed_name.empty() ? check.former_name : check.removed_name;
-    const auto given = value_->find(name);
-    if (name.empty() || given == value_->end()) continue;
+    Json::json_pointer below;  // "lens.min_sigmas" is in a group that may be gone, too
+    for (const std::string& step : Split(name, '.')) below /= step;
+    if (name.empty() || !value_->contains(below)) continue;
     const std::string was = Place(name), where = config->source.WhereOf(was);
     if (!check.removed_name.empty()) {
-      if (!check.harmless || LeafTexts(*given) != *check.harmless)
+      if (!check.harmless || LeafTexts(value_->at(below)) != *check.harmless)
         throw ConfigError(fmt::format("{} ({}) is no longer a key: {}", was, where, check.instead));
       config->known.insert(was);
       continue;

@@ -180,7 +180,7 @@ struct Renamed {
   template <class Archive>
   void Describe(Archive& ar) {
     ar("width", width, "width", FormerlyNamed("wide"),
-       Removed("height", "width is both", std::vector<std::string>{"1"}));
+       Removed("height", "width is both", std::vector<std::string>{"1"}), Fixed("group.length", 2));
     ar("inner", inner, "inner", FormerlyNamed("in"));
     ar("list", list, "list", FormerlyNamed("items"));
   }
@@ -233,6 +233,13 @@ TEST(ReadConfig, AKeyThatIsGoneSaysWhatDoesItsWork) {
   ExpectError<ConfigError>(
       [] { ReadConfig<Renamed>(ConfigSource::FromString("height: 3\n", "a.yaml")); },
       {"height (a.yaml:1) is no longer a key: width is both"});
+  ExpectError<ConfigError>(
+      [] { ReadConfig<Renamed>(ConfigSource::FromString("group: {length: 3}\n", "a.yaml")); },
+      {"group.length (a.yaml:1) is no longer a key: it is 2 now"});
+  EXPECT_EQ(
+      ReadConfig<Renamed>(ConfigSource::FromString("group: {length: 2}\nwidth: 2\n", "a.yaml"))
+          .width,
+      2);
   // With the value of saved configurations in which it had no effect, it is passed over.
   EXPECT_EQ(ReadConfig<Renamed>(ConfigSource::FromString("height: 1\nwidth: 2\n", "a.yaml")).width,
             2);
