@@ -6,7 +6,6 @@
 #include <torch/version.h>
 #include <unistd.h>
 
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <string>
@@ -38,25 +37,19 @@ std::string Libraries() {
 #endif
 }
 
-/// Its name, and the instruction sets for which there are kernels. Throws Error if it has not those
-/// of the program.
+/// Its cores, and the instruction sets for which there are kernels. Throws Error if it has not
+/// those of the program.
 std::string ProcessorText() {
 #ifdef __SSE4_2__
   if (!__builtin_cpu_supports("sse4.2"))
     throw Error("a processor with SSE 4.2, for which this program was built");
 #endif
-  std::string name = "unknown";
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (line.rfind("model name", 0) == 0 && line.find(": ") != std::string::npos)
-      name = line.substr(line.find(": ") + 2);
-  }
   const Processor& processor = ThisProcessor();
   std::string sets;
   for (const auto& [has, set] : {std::pair(processor.avx2, "AVX2"), {processor.avx512, "AVX-512"}})
     if (has) sets += std::string(", ") + set;
-  return fmt::format("{}, {} cores, {} threads for LibTorch{}", name,
-                     ::sysconf(_SC_NPROCESSORS_ONLN), at::get_num_threads(), sets);
+  return fmt::format("{} cores, {} threads for LibTorch{}", ::sysconf(_SC_NPROCESSORS_ONLN),
+                     at::get_num_threads(), sets);
 }
 
 std::string GpuText() {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstring>
 #include <optional>
 #include <vector>
 
@@ -25,11 +26,19 @@ NoisyView PaperNoise(const NoiseConfig& config, const NoiseInput& input, RandomS
 /// depth and label become 0.
 void RoundKept(const Image<std::uint8_t>& keep, NoisyView* view);
 
-/// Calls visit(i) for each byte that is not 0.
+/// Calls visit(i) for each i < count whose byte is not 0. There are seven more bytes, which are 0.
 template <class Visit>
-void ForEachSet(const std::vector<std::uint8_t>& bytes, const Visit& visit) {
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    if (bytes[i] != 0) visit(static_cast<int>(i));
+void ForEachSet(const std::vector<std::uint8_t>& bytes, int count, const Visit& visit) {
+  for (int first = 0; first < count; first += 8) {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, &bytes[static_cast<std::size_t>(first)], sizeof eight);
+    // The first byte is the lowest.
+    while (eight != 0) {
+      const int next = __builtin_ctzll(eight) / 8;
+      visit(first + next);
+      eight &= ~(std::uint64_t{0xFF} << (8 * next));
+    }
+  }
 }
 
 /// Calls visit(begin, end, face) for each run of pixels of one face, an index into the mesh's
@@ -38,6 +47,11 @@ template <class Visit>
 void ForEachRun(const std::uint16_t* faces, int count, const Visit& visit) {
   for (int begin = 0, end = 0; begin < count; begin = end) {
     const std::uint16_t face = faces[begin];
+    const std::uint64_t four = face * 0x0001000100010001ULL;
+    for (std::uint64_t next = 0; end + 4 <= count; end += 4) {
+      std::memcpy(&next, faces + end, sizeof next);
+      if (next != four) break;
+    }
     while (end < count && faces[end] == face) ++end;
     if (face != 0) visit(begin, end, static_cast<std::size_t>(face - 1));
   }
@@ -51,11 +65,11 @@ void FindFaceEdges(const std::uint16_t* faces, const std::uint16_t* below, int c
 template <class Visit>
 void ForEachFaceEdge(const Image16& faces, const Visit& visit) {
   const int width = faces.width(), height = faces.height();
-  std::vector<std::uint8_t> edges(static_cast<std::size_t>(width));
+  std::vector<std::uint8_t> edges(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < height; ++v) {
     const std::uint16_t* const row = &faces(0, v);
     FindFaceEdges(row, v + 1 < height ? row + width : row, width, edges.data());
-    ForEachSet(edges, [&](int u) {
+    ForEachSet(edges, width, [&](int u) {
       const std::uint8_t edge = edges[static_cast<std::size_t>(u)];
       const std::uint64_t pair =
           2 * (static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +

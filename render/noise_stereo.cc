@@ -77,13 +77,13 @@ MatchedView DilateForeground(const RenderedView& view, double scale, bool known,
   const auto columns = static_cast<std::size_t>(width);
   std::vector<float> dither(columns);
   std::vector<std::int32_t> source(columns);
-  std::vector<std::uint8_t> nearer(columns);
+  std::vector<std::uint8_t> nearer(columns + 7);
   for (int v = 0; v < height; ++v) {
     const std::size_t first = static_cast<std::size_t>(v) * columns;
     pixel.Uniforms(first, width, dither.data());
     TakeForeground(view.depth.data(), width, height, v, &du[first], &dv[first], dither.data(),
                    static_cast<float>(scale), source.data(), nearer.data());
-    ForEachSet(nearer, [&](int u) {
+    ForEachSet(nearer, width, [&](int u) {
       const std::size_t i = first + static_cast<std::size_t>(u);
       const auto from = static_cast<std::size_t>(source[static_cast<std::size_t>(u)]);
       if (view.faces[from] == view.faces[i]) return;

@@ -224,12 +224,12 @@ VOLALIGN_CLONES void FindMixed(const float* __restrict above, const float* __res
 void DropMixedPixels(RandomStream& random, const DepthImage& depth, Image<std::uint8_t>* keep) {
   const PixelRandom pixel(random);
   const int width = depth.width();
-  std::vector<std::uint8_t> mixed(static_cast<std::size_t>(width));
+  std::vector<std::uint8_t> mixed(static_cast<std::size_t>(width) + 7);
   for (int v = 0; v < depth.height(); ++v) {
     const float* const row = &depth(0, v);
     FindMixed(v > 0 ? row - width : nullptr, row, v + 1 < depth.height() ? row + width : nullptr,
               width, mixed.data());
-    ForEachSet(mixed, [&](int u) {
+    ForEachSet(mixed, width, [&](int u) {
       const auto i = static_cast<std::uint64_t>(v) * static_cast<std::uint64_t>(width) +
                      static_cast<std::uint64_t>(u);
       if (pixel.Uniform(i) < kMixedDetected) (*keep)(u, v) = 0;

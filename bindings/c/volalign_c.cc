@@ -53,13 +53,10 @@ using volalign::DataError;
 using volalign::Error;
 using volalign::IoError;
 
-class InvalidArgument : public Error {
- public:
+struct InvalidArgument : Error {
   using Error::Error;
 };
-
-class Stopped : public Error {
- public:
+struct Stopped : Error {
   using Error::Error;
 };
 

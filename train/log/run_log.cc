@@ -165,11 +165,6 @@ constexpr std::array<const char*, 6> kValidationMetrics = {"miou",
 
 Cell CellOf(const std::optional<double>& value) { return value ? Cell(*value) : Cell(); }
 
-Cell BestOf(const LoggedRun& run) {
-  if (run.miou.empty()) return {};
-  return *std::max_element(run.miou.begin(), run.miou.end());
-}
-
 std::pair<Cell, Cell> MeanAndDeviation(const std::vector<double>& values) {
   if (values.empty()) return {};
   double mean = 0, squares = 0;
@@ -193,7 +188,8 @@ Table ListRuns(const std::vector<LoggedRun>& runs) {
     for (const char* metric : kValidationMetrics) {
       row.push_back(CellOf(run.Last("validation", metric)));
     }
-    row.push_back(BestOf(run));
+    const auto best = std::max_element(run.miou.begin(), run.miou.end());
+    row.push_back(best == run.miou.end() ? Cell() : Cell(*best));
     row.push_back(CellOf(run.SamplesPerSecond()));
     table.rows.push_back(row);
   }
