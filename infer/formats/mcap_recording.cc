@@ -69,7 +69,8 @@ class McapReader {
       std::uint64_t length = 0;
       std::memcpy(&length, head.data() + 1, sizeof(length));
       const auto opcode = static_cast<std::uint8_t>(head[0]);
-      if (opcode == kDataEnd || opcode == kFooter) break;
+      // There is no opcode 0: the file has a hole, or became shorter.
+      if (opcode == 0 || opcode == kDataEnd || opcode == kFooter) break;
       // The last record of a recording that was cut off.
       if (length > size_ - at) break;
       if (opcode == kChunk) skipped = {at, complete_ ? length : 0};

@@ -18,14 +18,17 @@ namespace {
 constexpr std::string_view kZstdMagic = "\x28\xb5\x2f\xfd";
 
 /// Unpacks the pieces of `next` until it gives none, and passes them to `use` until that returns
-/// false. False if the end is missing or damaged.
+/// false. False if the end is missing or damaged, or if pieces give nothing, as those of a hole in
+/// the file: a block is not longer than a piece.
 template <class Next, class Use>
 bool StreamZstd(const Next& next, const Use& use) {
   const std::unique_ptr<ZSTD_DStream, std::size_t (*)(ZSTD_DStream*)> stream(ZSTD_createDStream(),
                                                                              ZSTD_freeDStream);
   std::string piece(ZSTD_DStreamOutSize(), '\0');
   std::size_t left = 1;  // 0: a frame is complete
+  int without = 0;       // pieces since the last that gave something
   for (std::string_view bytes = next(); !bytes.empty(); bytes = next()) {
+    if (++without > 3) return false;
     ZSTD_inBuffer in{bytes.data(), bytes.size(), 0};
     bool full = true;  // of a full piece more may follow without more input
     while (in.pos < in.size || full) {
@@ -33,6 +36,7 @@ bool StreamZstd(const Next& next, const Use& use) {
       const std::size_t before = in.pos;
       left = ZSTD_decompressStream(stream.get(), &out, &in);
       if (ZSTD_isError(left)) return false;
+      if (out.pos > 0) without = 0;
       if (out.pos > 0 && !use(std::string_view(piece.data(), out.pos))) return true;
       full = out.pos == out.size;
       if (in.pos == before && out.pos == 0) break;

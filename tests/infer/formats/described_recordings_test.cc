@@ -944,6 +944,18 @@ TEST(DescribedMcap, DamagedOrUnknown) {
   ExpectDepth(ReadMcap(file.substr(0, file.size() - 9)), "/camera/depth", 0.001, 1);
 }
 
+// A copy that was interrupted, as some programs make it: as long as the whole, and empty behind.
+TEST(DescribedMcap, EndsAtAHoleAsWhatZstdPackedDoes) {
+  const TempFolder folder;
+  const std::string path =
+      folder.Write("a.mcap", Mcap(McapRecords({ImageTopic(Ros::k2, "/camera/depth")}, "cdr")));
+  std::filesystem::resize_file(path, std::uintmax_t{1} << 40);
+  ExpectDepth(ReadRecording(path, 100), "/camera/depth", 0.001, 1);
+  const std::string packed = folder.Write("a.bag", "\x28\xb5\x2f\xfd");
+  std::filesystem::resize_file(packed, std::uintmax_t{1} << 40);
+  ExpectError<DataError>([&] { ReadRecording(packed, 1); }, {"a.bag", "damaged"});
+}
+
 // Matroska (RFC 9559).
 
 /// What an element begins with, its size in eight bytes.
