@@ -55,6 +55,7 @@ volalign_find(PNG libpng-dev)
 volalign_find(OpenSSL libssl-dev COMPONENTS Crypto)
 if(VOLALIGN_WITH_TORCH)
   volalign_find(CLI11 libcli11-dev)
+  volalign_require(Protobuf_PROTOC_EXECUTABLE protoc "package protobuf-compiler")
 endif()
 volalign_find(Threads libc6-dev)
 # LibTorch's loops run on several threads in our sources too where those that have such are compiled with its OpenMP, GCC's. Another
